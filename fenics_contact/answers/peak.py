@@ -191,7 +191,7 @@ def warm(*products: float) -> WarmStart:
         SEARCH,
         interior_steps=SEARCH.first_steps if first else SEARCH.summit_steps,
         interior_window=SEARCH.first_window if first else SEARCH.summit_window,
-        interior_acceptable=SEARCH.finish_acceptable,
+        exact_state=SEARCH.finish_acceptable,
     )
     exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
     return WarmStart(products, (), exact, stop)
@@ -228,10 +228,10 @@ def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = Fa
     seen_at = effort.spent + seen * cost
     found_at = effort.spent + found * cost
     none = Peak("not_known", reason=FELL) if fell else Peak("none")
-    tries = [(True, products) for products in (SEARCH.close_products, SEARCH.peak_products)]
+    tries = [(True, SEARCH.end_products * SEARCH.decade), (True, SEARCH.peak_products)]
     tries = [] if stays_below else tries
     if at_any_cost:
-        tries.append((False, SEARCH.peak_far))
+        tries.append((False, SEARCH.peak_products * SEARCH.decade))
     peak = none
     for on_modes, products in tries:
         try:
@@ -346,7 +346,7 @@ class _Search:
                     break
                 near = self._task(self.best.work), self.best.state
                 here = self._verified(
-                    coulomb_equilibrium(*near, target, warm(SEARCH.close_products))
+                    coulomb_equilibrium(*near, target, warm(SEARCH.end_products * SEARCH.decade))
                 )
         except SolverError as error:
             if not self._found(self.best):
@@ -370,12 +370,13 @@ class _Search:
         for near in points:
             task = self._task(near.work)
             path = LoadingPath(task)
-            far, close = task.mu(SEARCH.peak_far), task.mu(SEARCH.peak_close)
+            far = task.mu(SEARCH.peak_products * SEARCH.decade)
+            close = SEARCH.decade * far
             try:
                 start = path.with_products(path.next_to(near.state, far), close, NEAR)
                 highest = self._highest(path, start)
                 top = self._task(highest.work)
-                first = warm(SEARCH.first_close, SEARCH.end_products)
+                first = warm(SEARCH.end_products * SEARCH.decade**2, SEARCH.end_products)
                 return self._verified(from_next_to(top, top.kkt, highest.state, first).state)
             except SolverError as error:
                 self.case.discretization.effort.require(1.0)
@@ -442,7 +443,7 @@ class _Search:
                 break
             try:
                 far = abs(work - low.work) / max(work, low.work)
-                start = warm(max(0.1 * far, SEARCH.close_products))
+                start = warm(max(0.1 * far, SEARCH.end_products * SEARCH.decade))
                 solution, _ = next_to(low.state, low.rate, start)(self._task(work))
                 new = self._verified(solution.state)
             except SolverError:

@@ -38,7 +38,7 @@ def settled(
 ) -> bool:
     """Whether a law that depends on the state settles: it is frozen, solved for, and renewed.
 
-    The one loop for such laws: the bound on friction here, joints that tear in `torn`.
+    The one loop for such laws: the bound on friction here, of joints that tear.
 
     Args:
         solve: The answer with the law frozen.
@@ -136,9 +136,9 @@ class FixedPoint:
         of the load factor of one sign are a series of their own, which may creep where the bound
         converges fast.
         """
-        contraction = min(History(tuple(steps)).contraction or 0.5, SEARCH.slowest)
+        contraction = min(History(tuple(steps)).contraction or 0.5, 1.0 - SEARCH.small_factor)
         secant = min(step.secant for step in steps[len(steps) // 2 :])
-        slow = SEARCH.secant_safety * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+        slow = SEARCH.secant_safety * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
         series = max(slow, contraction / (1.0 - contraction))
         last = steps[-4:]
         changes = np.diff([step.load_factor for step in last])
@@ -151,7 +151,7 @@ class FixedPoint:
                 omega = np.array([step.relaxation for step in last[:-1]])
                 rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
                 secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-                creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+                creeps = abs(float(rates[-1])) * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
                 error = max(error, SEARCH.secant_safety * creeps)
         return error <= self.tolerance * abs(steps[-1].load_factor)
 
@@ -193,7 +193,7 @@ class _Relaxation:
             self._since = 0
         elif not aligned:
             self._since += 1
-        if self._since >= SEARCH.cycle:
+        if self._since >= SEARCH.no_progress:
             self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.least_relaxation)
             self._since = 0
             self.cycles += 1

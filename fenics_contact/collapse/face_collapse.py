@@ -92,7 +92,7 @@ def face_collapse(case: LoadCase) -> Collapse:
     """
     faces = PlanarFaces.of(case.discretization, case.sign)
     effort = case.discretization.effort
-    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else SEARCH.gap_of_many
+    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
     given = case.discretization.scene.solve.gap
     asked = default if given is None else given
     case.record.phase("face forces")
@@ -216,9 +216,7 @@ def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(
-        at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])
-    ):
+    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
         point = faces.faces.ends[face, 1 - end]
         length = float(normal[face] / faces.crushing[face])
         x, y = map(float, joints.position[point])

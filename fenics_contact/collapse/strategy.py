@@ -56,7 +56,10 @@ class WarmStart:
     """
 
     products: tuple[float, ...] = field(
-        default_factory=lambda: (SEARCH.warm_products, SEARCH.close_products)
+        default_factory=lambda: (
+            SEARCH.end_products / SEARCH.decade,
+            SEARCH.end_products * SEARCH.decade,
+        )
     )
     from_afar: tuple[float, ...] = (1.0,)
     tolerances: Tolerances = field(default_factory=Tolerances)
@@ -67,7 +70,7 @@ class WarmStart:
 FINISHING = replace(
     SEARCH,
     interior_window=SEARCH.finish_window,
-    interior_acceptable=SEARCH.finish_acceptable,
+    exact_state=SEARCH.finish_acceptable,
 )
 
 Minimiser = Callable[[ProximalStep, Array], Array]
@@ -134,7 +137,7 @@ def along_block_modes(task: Task) -> Solution:
     options = task.case.discretization.scene.solve
     levels = options.peak is not False and not options.fast
     first = min(task.case.bonded_work, task.work)
-    parts = 1.0, SEARCH.smaller_products
+    parts = 1.0, SEARCH.decade
     points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
     risen: dict[float, list[PathSample]] = {part: [] for part in points}
     failed = SolverError("block modes: no end of a path")
@@ -146,7 +149,7 @@ def along_block_modes(task: Task) -> Solution:
         _log.info("  %s: %s", what, error)
         failed = error
 
-    works = task.work * SEARCH.further_work ** np.arange(SEARCH.falls)
+    works = task.work * SEARCH.further_work ** np.arange(SEARCH.works)
     for work, part in product(works, parts):
         if part not in points:
             continue
@@ -219,7 +222,7 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     point = path.next_to(state, mu)
     passed: list[PathPoint] = []
     try:
-        for end in SEARCH.end_products * 0.1 ** np.arange(SEARCH.path_ends):
+        for end in SEARCH.end_products * SEARCH.decade ** np.arange(SEARCH.path_ends):
             point = path.with_products(point, task.mu(float(end)))
             passed.append(point)
             try:

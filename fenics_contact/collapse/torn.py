@@ -96,7 +96,7 @@ def torn_collapse(
         if not np.any(torn):
             end = collapse_of(case)
             return with_answer(end, torn, end.load_factor)
-        now = case.with_torn(torn)
+        now = case.with_unbonded(torn)
         cases.append(now)
         now.record.best = None  # its joints were not torn yet
         whole = found[0].load_factor

@@ -51,7 +51,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     unlimited = False
     try:
         with case.discretization.effort.at_most(options.collapse_cost):
-            while ratio <= SEARCH.largest * first and missing < options.missing_works:
+            while ratio <= SEARCH.largest * first and missing < options.works:
                 found = search.at(ratio)
                 missing = missing + 1 if found is None else 0
                 if search.done(found):
