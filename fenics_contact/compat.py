@@ -23,6 +23,8 @@ from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
 
+#: Whether meshes are asked for a ghost mode; else it is the partitioner's.
+WITH_GHOST_MODE = "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
 #: Nodes of the straight-sided planar cells, by dolfinx's name.
 NODES = {"triangle": 3, "quadrilateral": 4}
 
@@ -94,7 +96,7 @@ def create_mesh(
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     if partition is not None:
         return _created(comm, cell_name, cells, points, partition), partition
-    mode = () if _with_ghost_mode() else (mesh.GhostMode.none,)
+    mode = () if WITH_GHOST_MODE else (mesh.GhostMode.none,)
     try:
         graph_partition = mesh.create_cell_partitioner(*mode)
     except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
@@ -118,36 +120,27 @@ def create_mesh_in_place(
     (points, 2).
     """
     stay = Partition.to(np.full(len(cells), comm.rank, dtype=np.int32))
-    partitioner = _staying if _with_ghost_mode() else stay
+    partitioner = _staying if WITH_GHOST_MODE else stay
     return _created(comm, "triangle", cells, points, partitioner)
 
 
 def _created(comm: MPI.Comm, cell_name: str, cells: Any, points: Any, partitioner: Any) -> Any:
-    domain = ufl.Mesh(_coordinate_element(cell_name))
-    if _with_ghost_mode():
+    if hasattr(ufl, "VectorElement"):
+        # The variant is what the form compiler of dolfinx 0.5 would fill in, when it compiles a
+        # form, not when it finds one compiled. Without it, every form after the first would have
+        # one signature in a run that compiles and another one in the next run.
+        cell = ufl.Cell(cell_name, geometric_dimension=2)
+        scalar = ufl.FiniteElement("Lagrange", cell, 1, variant="equispaced")
+        domain = ufl.Mesh(ufl.VectorElement(scalar))
+    else:
+        import basix.ufl
+
+        domain = ufl.Mesh(basix.ufl.element("Lagrange", cell_name, 1, shape=(2,)))
+    if WITH_GHOST_MODE:
         return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
     given = list(inspect.signature(mesh.create_mesh).parameters)
     geometry = (points, domain) if given[2] == "x" else (domain, points)
     return mesh.create_mesh(comm, cells, *geometry, partitioner)
-
-
-def _with_ghost_mode() -> bool:
-    """Whether meshes are asked for a ghost mode; else it is the partitioner's."""
-    return "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
-
-
-def _coordinate_element(cell_name: str) -> Any:
-    """Straight-sided cells; the variant is what the form compiler of dolfinx 0.5 would fill in.
-
-    It does so when it compiles a form, not when it finds one compiled. Without it, every form after
-    the first would have one signature in a run that compiles and another one in the next run.
-    """
-    if hasattr(ufl, "VectorElement"):
-        cell = ufl.Cell(cell_name, geometric_dimension=2)
-        return ufl.VectorElement(ufl.FiniteElement("Lagrange", cell, 1, variant="equispaced"))
-    import basix.ufl
-
-    return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
 
 
 def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:

@@ -286,18 +286,10 @@ def weights_of_floors(scene: Scene, boundary: Boundary) -> list[tuple[Indices, A
         InputError: If a floor lies nowhere.
     """
     up = upward(scene.dead.acceleration)
-    return _on_floors(scene, boundary, scene.floors, Profile(up, np.zeros(1), np.ones(1)), -up)
+    return _of_floors(scene, boundary, scene.floors, Profile(up, np.zeros(1), np.ones(1)), -up)
 
 
-def inertia_of_floors(
-    scene: Scene, boundary: Boundary, profile: Profile, acceleration: tuple[float, float]
-) -> list[tuple[Indices, Array]]:
-    """The same of an acceleration, times a profile, of the floors that have mass."""
-    floors = {name: floor for name, floor in scene.floors.items() if floor.mass}
-    return _on_floors(scene, boundary, floors, profile, np.array(acceleration) / GRAVITY)
-
-
-def _on_floors(
+def _of_floors(
     scene: Scene, boundary: Boundary, floors: Iterable[str], profile: Profile, vector: Array
 ) -> list[tuple[Indices, Array]]:
     """Forces of the floors' weights times a profile and a vector."""
@@ -317,7 +309,8 @@ def _total(scene: Scene, boundary: Boundary, density: fem.Function, profile: Pro
     per_cell = _by_cell(density)
     for cell, _, weight, height in rules(scene.mesh.domain, profile.up, profile.levels):
         total += float(np.sum(per_cell[cell, None] * weight * profile.at(height)))
-    floors = inertia_of_floors(scene, boundary, profile, (1.0, 0.0))
+    heavy = [name for name, floor in scene.floors.items() if floor.mass]
+    floors = _of_floors(scene, boundary, heavy, profile, np.array([1.0 / GRAVITY, 0.0]))
     return float(scene.comm.allreduce(total)) + sum(float(force.sum()) for _, force in floors)
 
 
@@ -365,7 +358,9 @@ def nodal_forces(
     if kind == "dead":
         on_facets += weights_of_floors(scene, boundary)
     else:
-        on_facets += inertia_of_floors(scene, boundary, profile, load.acceleration)
+        heavy = [name for name, floor in scene.floors.items() if floor.mass]
+        acceleration = np.array(load.acceleration) / GRAVITY
+        on_facets += _of_floors(scene, boundary, heavy, profile, acceleration)
     for facets, force in on_facets:
         nodes = boundary.nodes[facets]
         here = (nodes >= first) & (nodes < last)
