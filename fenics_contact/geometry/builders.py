@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import check_types, checked, require
-from fenics_contact.geometry.drawing import Drawing
-from fenics_contact.geometry.meshing import blocks_between
+from fenics_contact.geometry.meshing import Drawing, blocks_between
 from fenics_contact.geometry.planar_cells import Array
 
 Pair = tuple[float, float]

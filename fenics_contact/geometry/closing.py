@@ -26,40 +26,29 @@ from fenics_contact.geometry.outlines import (
 )
 from fenics_contact.geometry.planar_cells import Array, Flags, Indices, connected, near_pairs
 
-
-@dataclass(frozen=True)
-class MortarLimits:
-    """What a mortar joint is.
-
-    Attributes:
-        reach: Largest thickness over the side of a square of the blocks' mean area; bricks of
-            250 mm x 65 mm with joints of 15 mm have 0.12.
-        wide: Largest thickness over the most frequent one.
-        share: Part of the length of all joints from which open ones are mortar.
-        few: As `reach`, where fewer are open.
-        alike: Part by which thicknesses that count as the same differ.
-        facing: Cosine of the largest angle between sides.
-        short: Length over thickness from which sides face each other.
-        pocket: Largest width of a pocket that becomes a point, over the thickness.
-        corner: Distance over the thickness within which a joint on the outline ends at a corner.
-        straight: Part of the thickness by which corners between joint and outline may be off.
-        parallel: Part of the largest eigenvalue below which middle lines do not cross.
-    """
-
-    reach: float = 0.25
-    wide: float = 2.5
-    share: float = 0.2
-    few: float = 0.06
-    alike: float = 0.1
-    facing: float = float(np.cos(np.radians(30.0)))
-    short: float = 0.5
-    pocket: float = 4.0
-    corner: float = 2.0
-    straight: float = 0.05
-    parallel: float = 0.05
-
-
-LIMITS = MortarLimits()
+# What a mortar joint is.
+#: Largest thickness over the side of a square of the blocks' mean area; bricks of 250 mm x 65 mm
+#: with joints of 15 mm have 0.12. FEW: likewise, where fewer are open.
+REACH = 0.25
+FEW = 0.06
+#: Largest thickness over the most frequent one.
+WIDE = 2.5
+#: Part of the length of all joints from which open ones are mortar.
+SHARE = 0.2
+#: Part by which thicknesses that count as the same differ.
+ALIKE = 0.1
+#: Cosine of the largest angle between sides.
+FACING = float(np.cos(np.radians(30.0)))
+#: Length over thickness from which sides face each other.
+SHORT = 0.5
+#: Largest width of a pocket that becomes a point, over the thickness.
+POCKET = 4.0
+#: Distance over the thickness within which a joint on the outline ends at a corner.
+CORNER = 2.0
+#: Part of the thickness by which corners between joint and outline may be off.
+STRAIGHT = 0.05
+#: Part of the largest eigenvalue below which middle lines do not cross.
+PARALLEL = 0.05
 
 
 @dataclass(frozen=True)
@@ -91,19 +80,19 @@ class Mortar:
         size = 4.0 * default_size(outlines)
         outlines = [o if outline_area(o) >= 0.0 else o[::-1] for o in outlines]
         near = COINCIDENT * float(np.ptp(np.concatenate(outlines), axis=0).max())
-        every = cls(outlines, near, *_stretches(outlines, near, LIMITS.reach * size))
+        every = cls(outlines, near, *_stretches(outlines, near, REACH * size))
         # No third stone may lie between the sides of a stretch: points across its middle.
         first, second = every.points.mean(axis=2).transpose(1, 0, 2)
         points = np.concatenate([first + at * (second - first) for at in (0.25, 0.5, 0.75)])
         between = (inside_outlines(points, outlines) >= 0).reshape(3, -1).any(axis=0)
         every = every._only((every.thickness <= 4.0 * near) | ~between)
-        if every.length[every.open].sum() < LIMITS.share * every.length.sum():
-            every = every._only(every.thickness <= LIMITS.few * size)
-        return every._only(every.thickness <= LIMITS.wide * every.usual + near)
+        if every.length[every.open].sum() < SHARE * every.length.sum():
+            every = every._only(every.thickness <= FEW * size)
+        return every._only(every.thickness <= WIDE * every.usual + near)
 
     def _only(self, some: Flags) -> Mortar:
-        names = "blocks", "points", "place", "gap"
-        return replace(self, **{name: getattr(self, name)[some] for name in names})
+        arrays = "blocks", "points", "place", "gap"
+        return replace(self, **{name: getattr(self, name)[some] for name in arrays})
 
     @cached_property
     def thickness(self) -> Array:
@@ -128,7 +117,7 @@ class Mortar:
             return 0.0
         size = self.thickness[self.open]
         length = self.length[self.open]
-        _, like = np.unique(np.round(np.log(size) / LIMITS.alike), return_inverse=True)
+        _, like = np.unique(np.round(np.log(size) / ALIKE), return_inverse=True)
         most = like == np.argmax(np.bincount(like, length))
         return float(np.average(size[most], weights=length[most]))
 
@@ -176,7 +165,7 @@ def _stretches(
     every = np.flatnonzero(length > near)
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     for one, other in near_pairs(ends.mean(axis=1), 0.5 * (length + reach), every, every):
-        facing = -np.sum(unit[one] * unit[other], axis=1) > LIMITS.facing
+        facing = -np.sum(unit[one] * unit[other], axis=1) > FACING
         pairs.append(np.stack([one, other])[:, facing & (owner[one] < owner[other])])
     sides = np.hstack(pairs)
     way = unit[sides[0]] - unit[sides[1]]
@@ -190,7 +179,7 @@ def _stretches(
     outward = np.stack([way[:, 1], -way[:, 0]], axis=1)
     gap = np.einsum("nek,nk->ne", points[:, 1] - points[:, 0], outward)
     keep = (gap.mean(axis=1) <= reach) & (gap.min(axis=1) >= -near)
-    shortest = np.maximum(10.0 * near, LIMITS.short * gap.mean(axis=1))
+    shortest = np.maximum(10.0 * near, SHORT * gap.mean(axis=1))
     keep &= span[:, 1] - span[:, 0] > shortest
     part[:, 1] = 1.0 - part[:, 1]
     place = sides.T[:, :, None] + part
@@ -251,7 +240,7 @@ class ClosedJoints:
         for k, reach in ((0, self._gap[turn]), (len(path) - 1, self._gap[after ^ 1])):
             corner = path[1] if k == 0 else path[-2]
             away = np.hypot(*(corner - path[k]))
-            if len(between) and away <= LIMITS.corner * reach + mortar.near:
+            if len(between) and away <= CORNER * reach + mortar.near:
                 path[k] = corner
         return _without_twins(np.array(path))
 
@@ -272,16 +261,26 @@ class ClosedJoints:
         along = np.diff(mortar.points.mean(axis=1), axis=1)[:, 0][self._stretch]
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        crossing = _crossings(middle, normal, self._pocket, width)
+        # The point nearest to the middle lines of every pocket.
+        centre = np.zeros((count, 2))
+        np.add.at(centre, self._pocket, middle)
+        centre /= np.bincount(self._pocket, minlength=count)[:, None]
+        matrix = np.zeros((count, 2, 2))
+        np.add.at(matrix, self._pocket, normal[:, :, None] * normal[:, None])
+        right = np.zeros((count, 2))
+        off = np.sum(normal * (middle - centre[self._pocket]), axis=1)
+        np.add.at(right, self._pocket, normal * off[:, None])
+        inverse = np.linalg.pinv(matrix, rcond=PARALLEL, hermitian=True)
+        way = np.einsum("nij,nj->ni", inverse, right)
+        crossing = centre + way * (np.linalg.norm(way, axis=1) <= width)[:, None]
         # A point that is not between the sides of all its stretches would cut into stones.
         aside = np.abs(np.sum(normal * (crossing[self._pocket] - middle), axis=1))
         outside = self._pocket[aside > 0.5 * self._gap + 10.0 * mortar.near]
-        is_point = width <= LIMITS.pocket * thick + 10.0 * mortar.near
+        is_point = width <= POCKET * thick + 10.0 * mortar.near
         is_point[outside] = False
         starts = np.array([path[0] for path in self._paths]).reshape(-1, 2)
-        ends = np.array(
-            [self._paths[k][-1] for k in self._before[np.arange(self._count) ^ 1]]
-        ).reshape(-1, 2)
+        before = self._before[np.arange(self._count) ^ 1]
+        ends = np.array([self._paths[k][-1] for k in before]).reshape(-1, 2)
         of_turn = is_point[self._pocket]
         return of_turn, np.where(of_turn[:, None], crossing[self._pocket], 0.5 * (starts + ends))
 
@@ -298,7 +297,7 @@ class ClosedJoints:
             while inner[chain[-1]]:
                 chain.append(int(self._after[chain[-1]]))
             line = LineString(self._joint[chain].tolist())
-            corners = set(line.simplify(LIMITS.straight * self._gap[turn]).coords)
+            corners = set(line.simplify(STRAIGHT * self._gap[turn]).coords)
             flat = [k for k in chain[1:-1] if tuple(self._joint[k]) not in corners]
             kept[np.isin(self._pocket, self._pocket[flat])] = False
         return kept
@@ -316,7 +315,7 @@ class ClosedJoints:
             following = self._after[turn]
             own = [self._joint[turn], *self._paths[turn], self._joint[following ^ 1]]
             for at, gap in ((1, self._gap[turn]), (-2, self._gap[following ^ 1])):
-                if len(own) > 2 and _off(*own[at - 1 : at + 2 or None]) <= LIMITS.straight * gap:
+                if len(own) > 2 and _off(*own[at - 1 : at + 2 or None]) <= STRAIGHT * gap:
                     del own[at]
             rows += own[1:-1]
         outline = _without_twins(np.array(rows))
@@ -335,28 +334,6 @@ class ClosedJoints:
 def _without_twins(points: Array) -> Array:
     """Points without those that are the one before."""
     return points[np.any(np.diff(points, axis=0, prepend=np.nan) != 0.0, axis=1)]
-
-
-def _crossings(points: Array, normal: Array, label: Indices, width: Array) -> Array:
-    """The point nearest to the lines of every label, shape (labels, 2).
-
-    Args:
-        points: On every line, shape (lines, 2).
-        normal: Of every line.
-        label: Of every line.
-        width: How far from the mean of its points that of a label may be.
-    """
-    count = len(width)
-    centre = np.zeros((count, 2))
-    np.add.at(centre, label, points)
-    centre /= np.bincount(label, minlength=count)[:, None]
-    matrix = np.zeros((count, 2, 2))
-    np.add.at(matrix, label, normal[:, :, None] * normal[:, None])
-    right = np.zeros((count, 2))
-    np.add.at(right, label, normal * np.sum(normal * (points - centre[label]), axis=1)[:, None])
-    inverse = np.linalg.pinv(matrix, rcond=LIMITS.parallel, hermitian=True)
-    way = np.einsum("nij,nj->ni", inverse, right)
-    return centre + way * (np.linalg.norm(way, axis=1) <= width)[:, None]
 
 
 def _off(start: Array, point: Array, end: Array) -> float:

@@ -1,12 +1,22 @@
 """Meshes as gmsh has them, on one rank: cells and facets in physical groups, split into bodies.
 
 Nothing here needs dolfinx, which takes a third of a second to import.
+
+Text files (MSH 4.1) that are plainly well formed are read here, without gmsh, which takes .3 s to
+start: straight lines, triangles and quadrilaterals, every number where the format has it. All else
+is left to gmsh, and so is every complaint. Format: gmsh's reference manual, "MSH file format".
 """
 
 from __future__ import annotations
 
+import os
+import pickle
+import re
 import signal
 import stat
+import subprocess
+import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -17,16 +27,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError, check_like
-from fenics_contact.geometry.gmsh_reader import (
-    CELL_TYPES,
-    GmshContents,
-    Tags,
-    contents,
-    read,
-    remark_of,
-    text_contents,
-)
+from fenics_contact.errors import InputError, check_like, require
+from fenics_contact.geometry import gmsh_reader
 from fenics_contact.geometry.planar_cells import (
     Array,
     Indices,
@@ -39,9 +41,65 @@ from fenics_contact.requirements import GMSH_WAYS
 
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
+Tags = npt.NDArray[np.uint64]
 
 #: What a block is: connected cells, or connected cells of one gmsh surface.
 BLOCKS = ("connected", "surfaces")
+#: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
+CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+#: Elements of text files: gmsh's number, nodes, gmsh's name.
+ELEMENTS = {1: (2, "Line 2"), 2: (3, "Triangle 3"), 3: (4, "Quadrilateral 4"), 15: (1, "Point")}
+#: Sections, in the order in which gmsh writes them; the second may be left out.
+SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
+#: Section after all others with what is wrong with the drawing; gmsh passes over it.
+REMARK = "\n$Comments\nfenics-contact: {}\n$EndComments\n"
+_REMARK_HEAD, _, _REMARK_END = REMARK.partition("{}")
+#: Version 4.1, text, with numbers of 8 bytes.
+FORMAT = ["4.1", "0", "8"]
+#: Whole numbers above this are not exact as floating point numbers.
+EXACT = 2.0**53
+_SECTION = re.compile(r"\$(\w+)\n(.*?\n)\$End\1\n", re.DOTALL)
+_NAME = re.compile(r'([0-3]) ([1-9]\d{0,8}) "([^"]{1,100})"')
+
+
+@dataclass(frozen=True)
+class GmshContents:
+    """Nodes, and the elements in physical groups of dimension 1 and 2, of a gmsh model.
+
+    Attributes:
+        groups: Names by dimension and number of the group; None for one that is not UTF-8.
+        tags: Numbers of the nodes.
+        coordinates: Their coordinates, shape (nodes, 3).
+        elements: Dimension, numbers of the groups, gmsh's type and nodes (in a row) by entity.
+        kinds: Names of gmsh's types.
+    """
+
+    groups: dict[tuple[int, int], str | None]
+    tags: Tags
+    coordinates: npt.NDArray[np.float64]
+    elements: list[tuple[int, list[int], int, Tags]]
+    kinds: dict[int, str]
+
+
+@dataclass(frozen=True)
+class ReadLimits:
+    """What reading a file by gmsh may take.
+
+    Attributes:
+        seconds: Time of the processor, s, of which more is given by size; 30 times what gmsh needs
+            to start.
+        seconds_per_megabyte: gmsh reads more than 10 MB/s.
+        patience: Time by the clock over that of the processor, on a busy machine.
+        memory: Address space, bytes, of which more is given by size; gmsh and its libraries take
+            2e8.
+        memory_per_byte: Of the file.
+    """
+
+    seconds: float = 10.0
+    seconds_per_megabyte: float = 1.0
+    patience: float = 6.0
+    memory: float = 2e9
+    memory_per_byte: float = 100.0
 
 
 @dataclass(frozen=True)
@@ -90,16 +148,16 @@ class GmshMesh(TaggedMesh):
     cell_surfaces: Labels
 
 
-def _check_gmsh() -> None:
-    """Refuse to go on without gmsh."""
-    if find_spec("gmsh") is None:
-        raise InputError(f"this needs gmsh, which is not installed: {GMSH_WAYS}")
+#: Why a file is not read here; nobody sees it.
+_LEFT = "gmsh has to read this file"
+#: Why gmsh has to be there.
+_GMSH = f"this needs gmsh, which is not installed: {GMSH_WAYS}"
 
 
 @contextmanager
 def gmsh_session(**options: float) -> Iterator[Any]:
     """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
-    _check_gmsh()
+    require(find_spec("gmsh") is not None, _GMSH)
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
@@ -123,8 +181,8 @@ def read_file(path: Path) -> GmshMesh:
         InputError: If it cannot be read, or is no mesh of triangles or quadrilaterals in groups.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
-            raise InputError(f"'{path}' is a folder or device; give the path of a gmsh .msh file")
+        regular = stat.S_ISREG(path.stat().st_mode)  # to open a pipe would wait for ever
+        require(regular, f"'{path}' is a folder or device; give the path of a gmsh .msh file")
         with path.open("rb") as file:
             start = file.read(16)
     except (FileNotFoundError, NotADirectoryError, ValueError):  # a name with a NUL
@@ -132,16 +190,167 @@ def read_file(path: Path) -> GmshMesh:
         raise InputError(f"mesh file '{path}' {problem}") from None
     except OSError as error:
         raise InputError(f"mesh file '{path}' cannot be read: {error.strerror}") from None
-    if not start.startswith((b"$MeshFormat", b"$Comments")):
-        raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
+    known = start.startswith((b"$MeshFormat", b"$Comments"))
+    require(known, f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
     try:
         found = text_contents(path)
         if found is None:
-            _check_gmsh()
+            require(find_spec("gmsh") is not None, _GMSH)
             found = read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
     return replace(mesh_of(found, f"'{path}'"), remark=remark_of(path))
+
+
+def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
+    """Contents of a gmsh file, read in a process of its own.
+
+    Raises:
+        ValueError: If gmsh cannot read the file, with its reason.
+    """
+    limits = limits or ReadLimits()
+    size = path.stat().st_size
+    seconds = limits.seconds + limits.seconds_per_megabyte * size / 1e6
+    memory = limits.memory + limits.memory_per_byte * size
+    numbers = [str(int(number)) for number in (seconds, memory)]
+    launched = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")  # it is no rank of this run
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(launched)}
+    environment["OPENBLAS_NUM_THREADS"] = "1"  # each takes address space
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", str(gmsh_reader.__file__), str(path), *numbers],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=limits.patience * seconds,
+            check=False,
+        )
+        failure, columns = pickle.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        failure = "it finds no end"
+    except (EOFError, pickle.UnpicklingError):  # it was ended before it could answer
+        no_end = done.returncode == -signal.SIGXCPU
+        failure = "it finds no end" if no_end else f"it crashes (exit code {done.returncode})"
+    if failure:
+        raise ValueError(failure)
+    return GmshContents(*columns)
+
+
+def text_contents(path: Path) -> GmshContents | None:
+    """Contents of a text file as `read` returns them; None where gmsh has to read it.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
+    try:
+        return _of_text(path.read_text(encoding="utf-8").partition(_REMARK_HEAD)[0])
+    except (InputError, ValueError, IndexError, DeprecationWarning):
+        return None
+
+
+def remark_of(path: Path) -> str:
+    """What `REMARK` says at the end of a file, as one printable line; empty without one."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 2000))
+        end = file.read().decode("utf-8", "replace")
+    text = end.rpartition(_REMARK_HEAD)[2] if _REMARK_HEAD in end else ""
+    return "".join(c for c in text.removesuffix(_REMARK_END) if c.isprintable())
+
+
+class _Numbers:
+    """Numbers of a section, taken from its start on."""
+
+    def __init__(self, text: str) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # what is no number
+            self.left = np.fromstring(text, sep=" ")
+        require(bool(np.all(np.isfinite(self.left))), _LEFT)
+
+    def real(self, count: int) -> npt.NDArray[np.float64]:
+        """The next numbers."""
+        require(0 <= count <= len(self.left), _LEFT)
+        taken = self.left[:count]
+        self.left = self.left[count:]
+        return taken
+
+    def whole(self, count: int) -> npt.NDArray[np.int64]:
+        """The next numbers, which must be whole."""
+        taken = self.real(count)
+        require(bool(np.all((taken == np.round(taken)) & (np.abs(taken) < EXACT))), _LEFT)
+        return taken.astype(np.int64)
+
+
+def _of_text(text: str) -> GmshContents:
+    """Contents of the text of a file.
+
+    Raises:
+        InputError, ValueError, IndexError, DeprecationWarning: If gmsh has to read it.
+    """
+    found = list(_SECTION.finditer(text))
+    names = [section[1] for section in found]
+    require("".join(section[0] for section in found) == text, _LEFT)
+    require(names in ([*SECTIONS], [SECTIONS[0], *SECTIONS[2:]]), _LEFT)
+    sections = {section[1]: section[2] for section in found}
+    require(sections["MeshFormat"].split() == FORMAT, _LEFT)
+    count, *lines = sections.get("PhysicalNames", "0\n").splitlines()
+    named = [match for line in lines if (match := _NAME.fullmatch(line.rstrip()))]
+    require(
+        len(named) == len(lines) == int(count) and all(m[3].isprintable() for m in named), _LEFT
+    )
+
+    numbers = _Numbers(sections["Entities"])
+    of_entity: dict[tuple[int, int], list[int]] = {}
+    for dim, entities in enumerate(numbers.whole(4).tolist()):
+        for _ in range(entities):
+            (entity,) = numbers.whole(1).tolist()
+            numbers.real(3 if dim == 0 else 6)  # the box around it
+            tags = numbers.whole(*numbers.whole(1))
+            of_entity[dim, entity] = np.abs(tags).tolist()  # below 0 where it is reversed
+            if dim > 0:
+                numbers.whole(*numbers.whole(1))  # what bounds it
+    require(len(numbers.left) == 0 and all(dim < 3 for dim, _ in of_entity), _LEFT)
+
+    numbers = _Numbers(sections["Nodes"])
+    nodes = {}
+    blocks, total, _, _ = numbers.whole(4)
+    for _ in range(blocks):
+        dim, entity, parametric, size = numbers.whole(4).tolist()
+        require(
+            parametric == 0 and (dim, entity) in of_entity and (dim, entity) not in nodes, _LEFT
+        )
+        nodes[dim, entity] = numbers.whole(size), numbers.real(3 * size).reshape(-1, 3)
+    require(len(numbers.left) == 0, _LEFT)
+    in_order = [nodes[key] for key in sorted(nodes)]
+    known = np.concatenate([tags for tags, _ in in_order])
+    require(len(known) == total == len(np.unique(known)) and int(known.min()) > 0, _LEFT)
+
+    numbers = _Numbers(sections["Elements"])
+    flat: dict[tuple[int, int, int], Tags] = {}
+    blocks, total, _, _ = numbers.whole(4)
+    for _ in range(blocks):
+        dim, entity, kind, size = numbers.whole(4).tolist()
+        require(kind in ELEMENTS and size > 0 and (dim, entity, kind) not in flat, _LEFT)
+        require((dim, entity) in of_entity and dim == min(ELEMENTS[kind][0] - 1, 2), _LEFT)
+        rows = numbers.whole(size * (1 + ELEMENTS[kind][0])).reshape(size, -1)
+        flat[dim, entity, kind] = rows[:, 1:].ravel().astype(np.uint64)
+        total -= size
+    require(len(numbers.left) == 0 and total == 0, _LEFT)
+    require(bool(np.all(np.isin(np.concatenate(list(flat.values())), known))), _LEFT)
+
+    used = sorted({(dim, tag) for (dim, _), tags in of_entity.items() for tag in tags})
+    by_number = {(int(match[1]), int(match[2])): match[3] for match in named}
+    groups: dict[tuple[int, int], str | None] = {
+        key: by_number.get(key, str(key[1])) for key in used
+    }
+    elements = [
+        (dim, of_entity[dim, entity], kind, flat[dim, entity, kind])
+        for dim, entity, kind in sorted(flat)
+        if dim > 0 and of_entity[dim, entity]
+    ]
+    kinds = {kind: ELEMENTS[kind][1] for _, _, kind, _ in elements}
+    coordinates = np.concatenate([places for _, places in in_order])
+    return GmshContents(groups, known.astype(np.uint64), coordinates, elements, kinds)
 
 
 def extract(model: Any, source: str) -> GmshMesh:
@@ -151,24 +360,31 @@ def extract(model: Any, source: str) -> GmshMesh:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
     check_like("model", model, "getPhysicalGroups", "a gmsh model, as builders return it")
-    return mesh_of(contents(model), source)
+    return mesh_of(GmshContents(*gmsh_reader.contents(model)), source)
 
 
 def mesh_of(found: GmshContents, source: str) -> GmshMesh:
     """Cells, tagged facets and group names of what was read; see `extract`."""
     names = found.groups
-    for dim, tag in (group for group, name in names.items() if name is None):
+    for (dim, tag), name in names.items():
         problem = f"the name of physical group {tag} of dimension {dim} is not UTF-8; rename it"
-        raise InputError(f"{source}: {problem}")
+        require(name is not None, f"{source}: {problem}")
     by_dim = ([str(name) for (d, _), name in names.items() if d == dim] for dim in (2, 1))
     cell_names, facet_names = (tuple(dict.fromkeys(some)) for some in by_dim)
-    if not cell_names:
-        problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
-        raise InputError(f"{source} {problem}")
-    by_entity = list(_elements(found, 2))
+    problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
+    require(bool(cell_names), f"{source} {problem}")
+    by_entity: list[tuple[Names, int, Tags]] = []  # groups, gmsh's type and nodes of cells
+    by_facet: dict[tuple[int, int], Names] = {}
+    for dim, numbers, kind, flat in found.elements:
+        groups = frozenset(str(names[dim, number]) for number in numbers)
+        if dim == 2:
+            by_entity.append((groups, kind, flat))
+        elif kind == 1:  # gmsh's number of a straight line
+            for first, second in np.sort(flat.reshape(-1, 2), axis=1).tolist():
+                by_facet[first, second] = by_facet.get((first, second), frozenset()) | groups
     kinds = {kind for _, kind, _ in by_entity}
-    if not kinds:
-        raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
+    problem = "has no cells in its two-dimensional groups; mesh it first"
+    require(bool(kinds), f"{source} {problem}")
     if len(kinds) > 1 or not kinds <= set(CELL_TYPES):
         listed = ", ".join(found.kinds[kind] for kind in sorted(kinds))
         raise InputError(
@@ -179,19 +395,22 @@ def mesh_of(found: GmshContents, source: str) -> GmshMesh:
     counts = [len(flat) // width for *_, flat in by_entity]
     surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
     nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
-    of_entity, cell_sets = _numbered(groups for groups, *_ in by_entity)
-    used, flat = np.unique(nodes, return_inverse=True)
-    facets, facet_groups, facet_sets = _facets(found, used)
-    if not np.all(np.isin(used, found.tags)):
-        raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
+    of_entity, cell_sets = _numbered(some for some, *_ in by_entity)
+    used, node = np.unique(nodes, return_inverse=True)
+    whole = bool(np.all(np.isin(used, found.tags)))
+    require(whole, f"{source} has cells with nodes that it lacks; save it again as .msh")
+    table = np.array(list(by_facet), dtype=used.dtype).reshape(-1, 2)
+    index = np.minimum(np.searchsorted(used, table), len(used) - 1)
+    known = np.all(used[index] == table, axis=1)
+    labels, facet_sets = _numbered(by_facet.values())
     order = np.argsort(found.tags)
     points = found.coordinates[order[np.searchsorted(found.tags, used, sorter=order)]]
     check_coordinates(points, source)
     points = points[:, :2].copy()
-    cells = anticlockwise(points, flat.reshape(nodes.shape), source)
-    tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
-    surfaces = len(np.unique(surface))
-    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, of_entity[surface], surface)
+    cells = anticlockwise(points, node.reshape(nodes.shape), source)
+    facets = np.sort(index[known], axis=1), labels[known]
+    tags = *facets, cell_sets, facet_sets, cell_names, facet_names, len(np.unique(surface))
+    return GmshMesh(source, *tags, cell_name, points, cells, of_entity[surface], surface)
 
 
 def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
@@ -201,36 +420,13 @@ def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
     return np.array(labels, dtype=np.int32), tuple(index)
 
 
-def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]]:
-    """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
-    for dimension, tags, kind, flat in found.elements:
-        if dimension == dim:
-            yield frozenset(str(found.groups[dim, tag]) for tag in tags), kind, flat
-
-
-def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
-    """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
-    groups: dict[tuple[int, int], Names] = {}
-    for more, kind, flat in _elements(found, 1):
-        if kind != 1:  # gmsh's number of a straight line
-            continue
-        for first, second in np.sort(flat.reshape(-1, 2), axis=1).tolist():
-            groups[first, second] = groups.get((first, second), frozenset()) | more
-    nodes = np.array(list(groups), dtype=used.dtype).reshape(-1, 2)
-    index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
-    known = np.all(used[index] == nodes, axis=1)
-    labels, sets = _numbered(groups.values())
-    return np.sort(index[known], axis=1), labels[known], sets
-
-
 def with_blocks(mesh: GmshMesh, blocks: str) -> GmshMesh:
     """The mesh with blocks of a kind of `BLOCKS`: as it is, or with surfaces split.
 
     Every surface then has a copy of every node that it uses. A tagged facet between two surfaces
     becomes two facets, one of each, in the same groups.
     """
-    if blocks not in BLOCKS:
-        raise InputError(f"blocks = '{blocks}' must be one of {', '.join(BLOCKS)}")
+    require(blocks in BLOCKS, f"blocks = '{blocks}' must be one of {', '.join(BLOCKS)}")
     if blocks != "surfaces":
         return mesh
     count = len(mesh.points)
@@ -276,18 +472,10 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
         )[1]
         for shared in (mesh.cells, side)
     )
-    if by_node.max() != by_side.max():
-        raise InputError(
-            f"{mesh.source}: blocks share single nodes; every block needs nodes of its own"
-            ' (double them, or set mesh.blocks = "surfaces")'
-        )
+    require(
+        by_node.max() == by_side.max(),
+        f"{mesh.source}: blocks share single nodes; every block needs nodes of its own (double"
+        ' them, or set mesh.blocks = "surfaces")',
+    )
     _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[label].astype(np.int32)
-
-
-def joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
-    """Number of surfaces that are in one body with others of the same groups."""
-    rows = np.column_stack([body, mesh.cell_groups, mesh.cell_surfaces])
-    parts = np.unique(rows, axis=0)[:, :2]
-    _, count = np.unique(parts, axis=0, return_counts=True)
-    return int(count[count > 1].sum())

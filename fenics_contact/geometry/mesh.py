@@ -7,26 +7,26 @@ numbers of the first one, and so have all values by node and by cell. That is ch
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx.mesh import Mesh
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, checked, raised_together
-from fenics_contact.geometry.dolfinx_reader import TagNames
-from fenics_contact.geometry.dolfinx_reader import contents as dolfinx_contents
+from fenics_contact.errors import InputError, checked, raised_together, require
 from fenics_contact.geometry.gmsh_mesh import (
+    CELL_TYPES,
+    GmshContents,
     GmshMesh,
     TaggedMesh,
     bodies_of_cells,
     extract,
-    joined_surfaces,
     mesh_of,
     read_file,
     with_blocks,
@@ -41,6 +41,15 @@ Names = frozenset[str]
 
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
+#: Names by number of a tag, or by dimension and number.
+TagNames = Mapping[Any, str]
+
+#: Element type of gmsh by the cell's name, and that of a straight line.
+_KINDS = {name: kind for kind, (name, _) in CELL_TYPES.items()}
+_LINE = 1
+#: Order of a cell's nodes round it: dolfinx numbers those of quadrilaterals row by row.
+_ROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
+_KINDS_OF_TAGS = {2: "cells", 1: "facets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,29 +70,19 @@ class StoredMesh:
     cell_name: str
     cells: Indices
     points: Array
-    partition: compat.Partition | None = None
-    numbering: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    partition: compat.Partition | None
+    numbering: Indices
 
     @classmethod
-    def distributed(
-        cls, comm: MPI.Comm, cell_name: str, cells: Indices, points: Array, ranks: Labels | None
+    def of(
+        cls, domain: Any, cells: Indices, points: Array, partition: compat.Partition | None = None
     ) -> StoredMesh:
-        """A mesh that one rank gives (the others pass empty arrays), made. Collective.
-
-        `ranks` are those of the cells given here; None for graph partitioning.
-        """
-        wished = None if ranks is None else compat.Partition.to(ranks)
-        domain, partition = compat.create_mesh(comm, cell_name, cells, points, wished)
-        return cls(comm, cell_name, cells, points, partition)._made(domain)
-
-    @classmethod
-    def in_place(cls, comm: MPI.Comm, cells: Indices, points: Array) -> StoredMesh:
-        """A mesh of triangles that stay on the rank that gives them, made. Collective.
-
-        `cells` count the points of all ranks.
-        """
-        domain = compat.create_mesh_in_place(comm, cells, points)
-        return cls(comm, "triangle", cells, points)._made(domain)
+        """What a dolfinx mesh was just made of, with that mesh."""
+        # The mesh has a communicator of its own, which lives as long as it does.
+        name = domain.topology.cell_type.name
+        new = cls(domain.comm, name, cells, points, partition, _numbering(domain))
+        vars(new)["domain"] = domain
+        return new
 
     @cached_property
     def domain(self) -> Any:
@@ -98,16 +97,10 @@ class StoredMesh:
             arrays = self.cells, self.points, self.partition
             made, _ = compat.create_mesh(self.comm, self.cell_name, *arrays)
         with raised_together(self.comm):
-            if not np.array_equal(self.numbering, _numbering(made)):
-                problem = "stored mesh: this dolfinx numbers it otherwise than that which stored it"
-                raise InputError(f"{problem}; solve the scene again here")
+            text = "stored mesh: this dolfinx numbers it otherwise than that which stored it"
+            same = np.array_equal(self.numbering, _numbering(made))
+            require(same, f"{text}; solve the scene again here")
         return made
-
-    def _made(self, domain: Any) -> StoredMesh:
-        # The mesh has a communicator of its own, which lives as long as it does.
-        new = replace(self, comm=domain.comm, numbering=_numbering(domain))
-        vars(new)["domain"] = domain
-        return new
 
     def __getstate__(self) -> dict[str, Any]:
         """The arrays, and this rank's number and that of all, in place of objects of MPI."""
@@ -122,10 +115,9 @@ class StoredMesh:
         """
         stored = state["comm"]
         comm = compat.comm_of(stored[1])
-        if (comm.rank, comm.size) != stored:
-            here = f"this is rank {comm.rank} of {comm.size}"
-            problem = f"stored mesh: it is of rank {stored[0]} of {stored[1]}, and {here}"
-            raise InputError(f"{problem}; load on as many ranks, each its own")
+        here = f"this is rank {comm.rank} of {comm.size}"
+        text = f"stored mesh: it is of rank {stored[0]} of {stored[1]}, and {here}"
+        require((comm.rank, comm.size) == stored, f"{text}; load on as many ranks, each its own")
         vars(self).update(state, comm=comm)
 
     def __deepcopy__(self, _: object) -> StoredMesh:
@@ -227,7 +219,7 @@ class BlockMesh(TaggedMesh):
             InputError: On all ranks, if mesh, tags or names do not fit together, or are no blocks.
         """
         source = "the dolfinx mesh"
-        found = dolfinx_contents(mesh, cell_tags, facet_tags, names, source)
+        found = _dolfinx_contents(mesh, cell_tags, facet_tags, names, source)
         return cls._distribute(lambda: with_blocks(mesh_of(found, source), blocks), mesh.comm)
 
     @classmethod
@@ -245,16 +237,21 @@ class BlockMesh(TaggedMesh):
                 body = bodies_of_cells(mesh)
                 check_apart(mesh.points, mesh.cells, body, mesh.source)
                 rank = ranks_of_bodies(mesh, body, comm.size)
-                joined = joined_surfaces(mesh, body)
-                arrays = ("points", "cells", "cell_groups", "cell_surfaces")
-                rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in arrays})
+                rows = np.column_stack([body, mesh.cell_groups, mesh.cell_surfaces])
+                parts = np.unique(rows, axis=0)[:, :2]
+                _, together = np.unique(parts, axis=0, return_counts=True)
+                joined = int(together[together > 1].sum())
+                of_cells = ("points", "cells", "cell_groups", "cell_surfaces")
+                rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in of_cells})
         rest, whole, joined = comm.bcast((rest, rank is not None, joined))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
-        given = mesh.cells, mesh.points, rank
-        stored = StoredMesh.distributed(comm, mesh.cell_name, *given)
+        arrays = mesh.cells, mesh.points
+        wished = None if rank is None else compat.Partition.to(rank)  # else graph partitioning
+        domain, partition = compat.create_mesh(comm, mesh.cell_name, *arrays, wished)
+        stored = StoredMesh.of(domain, *arrays, partition)
         numbers = np.column_stack([body, mesh.cell_groups])
-        input_cells = comm.gather(np.asarray(stored.domain.topology.original_cell_index))
+        input_cells = comm.gather(np.asarray(domain.topology.original_cell_index))
         body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T
         count = comm.allreduce(int(body.max(initial=-1)), MPI.MAX) + 1
         tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
@@ -285,3 +282,110 @@ def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:
     bisect(np.arange(len(cells)), 0, ranks)
     load = np.bincount(rank, cells, minlength=ranks)
     return None if load.max() > BODY_IMBALANCE * load.mean() else rank[body]
+
+
+# ---- meshes of dolfinx
+
+
+def _dolfinx_contents(
+    domain: Any, cell_tags: Any, facet_tags: Any, names: TagNames, source: str
+) -> GmshContents:
+    """Nodes, tagged cells and tagged facets of all ranks, on rank 0. Collective.
+
+    Args:
+        domain: The dolfinx mesh.
+        cell_tags: Number of every cell.
+        facet_tags: Numbers of some facets.
+        names: Names of the numbers; those without one are called by the number.
+        source: For messages.
+
+    Raises:
+        InputError: On all ranks, if this is not a planar mesh, its tags or their names.
+    """
+    text = f"mesh = {type(domain).__name__} must be a dolfinx.mesh.Mesh"
+    require(isinstance(domain, Mesh), text)
+    topology = domain.topology
+    cell = topology.cell_type.name
+    dim = domain.geometry.dim
+    text = f"has cells of kind {cell}; make it of cells of kind {' or '.join(_KINDS)}"
+    require(cell in _KINDS, f"{source} {text}")
+    text = f"has points in {dim} dimensions; make it with gdim=2, for example gmshio's"
+    require(dim == 2, f"{source} {text} model_to_mesh(model, comm, 0, gdim=2)")
+    degree = domain.geometry.cmap.degree
+    require(degree == 1, f"{source} has curved cells of degree {degree}; make it of degree 1")
+    comm = domain.comm
+    with raised_together(comm):
+        _check_tags(domain, cell_tags, "cell_tags", 2)
+        _check_tags(domain, facet_tags, "facet_tags", 1)
+
+    nodes = compat.geometry_dofs(domain)
+    owned = topology.index_map(2).size_local
+    mine = cell_tags.indices < owned
+    untagged = comm.allreduce(owned - len(np.unique(cell_tags.indices[mine])))
+    require(not untagged, f"cell_tags: {untagged} cells have no tag; give every cell one")
+    for dims in ((1, 0), (2, 0)):
+        topology.create_connectivity(*dims)
+    vertices = topology.connectivity(2, 0).array.reshape(nodes.shape)
+    node = np.zeros(int(vertices.max(initial=-1)) + 1, dtype=np.int32)
+    node[vertices] = nodes
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[facet_tags.indices]
+    index_map = domain.geometry.index_map()
+    tagged = {}  # nodes, by their numbers on all ranks, and tags
+    for number, some, values in (
+        (2, nodes[:, _ROUND[cell]][cell_tags.indices[mine]], cell_tags.values[mine]),
+        (1, node[ends], facet_tags.values),
+    ):
+        everywhere = index_map.local_to_global(some.ravel().astype(np.int32)).astype(np.int64)
+        tagged[number] = np.reshape(everywhere, some.shape), values.astype(np.int64)
+
+    sets = comm.allgather({dim: set(values.tolist()) for dim, (_, values) in tagged.items()})
+    numbers = {dim: sorted(set().union(*(part[dim] for part in sets))) for dim in tagged}
+    groups = _named(names, numbers)
+    points = domain.geometry.x[: index_map.size_local]
+    parts = comm.gather((tagged, points)) or [(tagged, points)]  # only rank 0 makes blocks of them
+    elements = []
+    for dim, of_gmsh in ((1, _LINE), (2, _KINDS[cell])):
+        table, tags = (np.concatenate([part[0][dim][k] for part in parts]) for k in (0, 1))
+        for number in numbers[dim]:
+            flat = table[tags == number].ravel().astype(np.uint64)
+            elements.append((dim, [number], of_gmsh, flat))
+    coordinates = np.concatenate([part[1] for part in parts])
+    count = np.arange(len(coordinates), dtype=np.uint64)
+    return GmshContents(groups, count, coordinates, elements, {})
+
+
+def _check_tags(domain: Any, tags: Any, name: str, dim: int) -> None:
+    """Refuse tags of other entities than those of this dimension of this mesh."""
+    try:
+        found = tags.dim
+        of_mesh = compat.same_topology(tags, domain)
+    except AttributeError:
+        problem = "must be dolfinx mesh tags, made by dolfinx.mesh.meshtags"
+        raise InputError(f"{name} = {type(tags).__name__} {problem}") from None
+    text = f"{name} has tags of dimension {found}; give the tags of {_KINDS_OF_TAGS[dim]}, {dim}"
+    require(found == dim, text)
+    require(of_mesh, f"{name} are those of another mesh; make them with meshtags of this one")
+    kind = tags.values.dtype
+    text = f"{name} has tags of type {kind}; give whole numbers (int32)"
+    require(np.issubdtype(kind, np.integer), text)
+
+
+def _named(names: TagNames, numbers: Mapping[int, list[int]]) -> dict[tuple[int, int], str | None]:
+    """Name of every dimension and number that occurs.
+
+    Raises:
+        InputError: If a name is of no number, or of one that both cells and facets have.
+    """
+    found: dict[tuple[int, int], str | None] = {
+        (dim, number): str(number) for dim, some in numbers.items() for number in some
+    }
+    there = "; ".join(f"{_KINDS_OF_TAGS[dim]} have {some}" for dim, some in numbers.items())
+    for key, name in names.items():
+        asked = [key] if isinstance(key, tuple) else [(dim, key) for dim in numbers]
+        pairs = [pair for pair in found if pair in asked]
+        given = f"names[{key}] = '{name}'"
+        require(bool(pairs), f"{given} is the number of no tag: {there}")
+        text = f"is of cells and of facets; give names[2, {key}] and names[1, {key}] instead"
+        require(len(pairs) == 1, f"{given} {text}")
+        found[pairs[0]] = name
+    return found

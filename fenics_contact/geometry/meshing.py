@@ -1,4 +1,4 @@
-"""gmsh builders: walls in courses, arches, and blocks given by their corners.
+"""gmsh builders: walls in courses, arches, and blocks given by their corners, as in drawings.
 
 Every builder returns `gmsh.model`, meshed; it replaces an earlier model of the same name, so that
 drawing many does not fill the memory. Arguments in common: `size`, the largest length of an element
@@ -10,22 +10,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError, checked
+from fenics_contact.errors import check_types, checked, require
 from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
 from fenics_contact.geometry.outlines import (
     Polygons,
     Segments,
     divided_outlines,
+    inside_outlines,
     outline_area,
     outline_problem,
+    points_near_segments,
+    sides_of_outlines,
     sides_on,
 )
 from fenics_contact.geometry.planar_cells import Array, Indices, sides_of
+
+#: Corners this close to another block without touching it are told of, relative to the side of a
+#: square of the blocks' mean area, or as far as mortar joints are thick.
+GAP = 0.06
 
 
 @checked
@@ -47,22 +55,19 @@ def model_from_arrays(
         InputError: If an array has another shape, or numbers of nodes that are not there.
     """
     shape = np.shape(points)
-    if len(shape) != 2 or shape[1] != 2:
-        raise InputError(f"points has the shape {shape}; give (points, 2)")
+    require(shape[1:] == (2,), f"points has the shape {shape}; give (points, 2)")
     given = []
-    tables = {("cells", name): members for name, members in cells.items()}
-    tables |= {("facets", name): members for name, members in facets.items()}
-    for (key, group), members in tables.items():
-        dim, widths = (2, (3, 4)) if key == "cells" else (1, (2,))
-        table = np.asarray(members)
-        if not table.size:
-            continue
-        if table.ndim != 2 or table.shape[1] not in widths:
-            wanted = " or ".join(f"({key}, {width})" for width in widths)
-            raise InputError(f"{key}.{group} has the shape {table.shape}; give {wanted}")
-        if table.min() < 0 or table.max() >= shape[0]:
-            raise InputError(f"{key}.{group} has nodes that are not among {shape[0]} points")
-        given.append((dim, group, table.astype(np.int64)))
+    for key, dim, widths, groups in (("cells", 2, (3, 4), cells), ("facets", 1, (2,), facets)):
+        wanted = " or ".join(f"({key}, {width})" for width in widths)
+        for group, table in groups.items():
+            array = np.asarray(table)
+            if not array.size:
+                continue
+            good = array.ndim == 2 and array.shape[1] in widths
+            require(good, f"{key}.{group} has the shape {array.shape}; give {wanted}")
+            there = array.min() >= 0 and array.max() < shape[0]
+            require(there, f"{key}.{group} has nodes that are not among {shape[0]} points")
+            given.append((dim, group, array.astype(np.int64)))
     coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
@@ -108,19 +113,18 @@ def wall(
         quadrilaterals: In place of triangles.
     """
     length, height = block
-    if length <= 0.0 or height <= 0.0 or elements < 1:
-        raise InputError("wall: block sizes and elements must be positive")
+    good = min(length, height) > 0.0 and elements >= 1
+    require(good, "wall: block sizes and elements must be positive")
     ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
-    if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
-        raise InputError("wall: every course needs lengths other than zero")
+    good = bool(ends) and all(np.all(np.diff(row) > 0.0) for row in ends)
+    require(good, "wall: every course needs lengths other than zero")
     rectangles = [
         (left * length, level * height, right * length, (level + 1) * height)
         for level, (row, course) in enumerate(zip(ends, courses, strict=True))
         for left, right, size in zip(row[:-1], row[1:], course, strict=True)
         if size > 0.0
     ]
-    if not rectangles:
-        raise InputError("wall: there is no block, all lengths are negative")
+    require(bool(rectangles), "wall: there is no block, all lengths are negative")
     step = 0.5 * length / elements
     on_grid = np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
@@ -148,8 +152,7 @@ def running_bond(
 
     The wall is `bricks` long and `courses` high; the other arguments are those of `wall`.
     """
-    if bricks < 1 or courses < 1:
-        raise InputError("running_bond: give at least one brick and one course")
+    require(min(bricks, courses) >= 1, "running_bond: give at least one brick and one course")
     rows = ([1.0] * bricks, [0.5] + [1.0] * (bricks - 1) + [0.5])
     return wall([rows[level % 2] for level in range(courses)], block, elements, quadrilaterals)
 
@@ -196,9 +199,8 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     joint = np.zeros(len(facets), dtype=bool)
     joint[cKDTree(middle).query_pairs(near, output_type="ndarray").ravel()] = True
     level = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) <= near
-    low = points.min(axis=0)
-    high = points.max(axis=0)
-    (left, base), (right, top) = (middle <= low + near).T, (middle >= high - near).T
+    left, base = (middle <= points.min(axis=0) + near).T
+    right, top = (middle >= points.max(axis=0) - near).T
     masks = {"bed": joint & level, "head": joint & ~level}
     masks |= {"base": ~joint & level & base, "top": ~joint & level & top}
     masks |= {"left": ~joint & ~level & left, "right": ~joint & ~level & right}
@@ -227,7 +229,7 @@ def polygons(
             a square of the blocks' mean area.
         names: Two-dimensional group of every block; by default "blocks" for all.
         groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
-            default, "base" is what lies at the lowest level of the drawing.
+            default, "base" is what lies at the least height of the drawing.
         quadrilaterals: In place of triangles.
 
     Raises:
@@ -236,17 +238,16 @@ def polygons(
     """
     blocks = [np.asarray(outline, dtype=float) for outline in outlines]
     given = np.atleast_1d(1.0 if size is None else size)
-    if not blocks or not np.all((given > 0.0) & np.isfinite(given)):
-        raise InputError("polygons: give at least one block, and a positive size")
+    good = bool(blocks) and bool(np.all((given > 0.0) & np.isfinite(given)))
+    require(good, "polygons: give at least one block, and a positive size")
     for number, problem in enumerate(map(outline_problem, blocks)):
-        if problem:
-            raise InputError(f"polygons: block {number} {problem}")
+        require(not problem, f"polygons: block {number} {problem}")
     by_block = isinstance(size, Sequence)
     for some, what in ((names, "names"), (size if by_block else None, "sizes")):
-        if isinstance(some, Sequence) and len(some) != len(blocks):
-            raise InputError(f"polygons: {len(some)} {what} for {len(blocks)} blocks")
+        count = len(some) if isinstance(some, Sequence) else len(blocks)
+        require(count == len(blocks), f"polygons: {count} {what} for {len(blocks)} blocks")
     names = ["blocks"] * len(blocks) if names is None else names
-    groups = lowest_level(blocks) if groups is None else groups
+    groups = ground_level(blocks) if groups is None else groups
     sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
     divided, near = divided_outlines(blocks, groups)
     if by_block:  # without the corners of others
@@ -260,8 +261,7 @@ def polygons(
         sides: list[int] = []
         for block, name, length in zip(divided, names, sizes, strict=True):
             points = [geo.addPoint(x, y, 0.0) for x, y in block]
-            ends = zip(points, [*points[1:], points[0]], strict=True)
-            lines = [geo.addLine(*pair) for pair in ends]
+            lines = [geo.addLine(*pair) for pair in itertools.pairwise([*points, points[0]])]
             along = np.linalg.norm(np.roll(block, -1, axis=0) - block, axis=1)
             # Both blocks of a joint must come to the same number, whatever their rounding.
             counts = np.maximum(1, np.ceil(along / length - 1e-6).astype(int)) + 1
@@ -270,13 +270,12 @@ def polygons(
             surfaces[name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
             sides += lines
         geo.synchronize()
-        on = {name: np.array(sides)[of] for name, of in sides_on(divided, groups, near).items()}
+        on = sides_on(divided, groups, near)
         for dim, name, tags in (
             *((2, name, tags) for name, tags in surfaces.items()),
-            *((1, name, tags.tolist()) for name, tags in on.items()),
+            *((1, name, np.array(sides)[some].tolist()) for name, some in on.items()),
         ):
-            if not tags:
-                raise InputError(f"polygons: no side of a block lies on group '{name}'")
+            require(bool(tags), f"polygons: no side of a block lies on group '{name}'")
             model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
         model.mesh.generate(2)
     return model
@@ -289,17 +288,16 @@ def default_size(blocks: Polygons) -> float:
     Raises:
         InputError: If there is no block, or one has no corners (x, y).
     """
-    if len(blocks) == 0 or any(np.ndim(block) != 2 or np.shape(block)[1] != 2 for block in blocks):
-        raise InputError("blocks: give at least one, each with corners of shape (corners, 2)")
+    good = len(blocks) > 0 and all(np.shape(block)[1:] == (2,) for block in blocks)
+    require(good, "blocks: give at least one, each with corners of shape (corners, 2)")
     return 0.25 * float(np.sqrt(np.mean([abs(outline_area(block)) for block in blocks])))
 
 
-def lowest_level(blocks: Polygons) -> Segments:
-    """The group "base" as a segment along the lowest level of blocks."""
+def ground_level(blocks: Polygons) -> Segments:
+    """The group "base" as a segment along the least height of blocks."""
     corners = np.concatenate(blocks)
     low = corners.min(axis=0)
-    high = corners.max(axis=0)
-    return {"base": [(low, (high[0], low[1]))]}
+    return {"base": [(low, (corners[:, 0].max(), low[1]))]}
 
 
 @checked
@@ -327,10 +325,10 @@ def arch(
     Raises:
         InputError: If the thickness reaches the centre.
     """
-    if voussoirs < 1 or elements < 1 or not 0.0 < embrace <= 360.0:
-        raise InputError("arch: voussoirs, elements and embrace must be positive")
-    if not 0.0 < thickness < 2.0 * radius:
-        raise InputError("arch: the thickness must lie between 0 and twice the radius")
+    good = min(voussoirs, elements) >= 1 and 0.0 < embrace <= 360.0
+    require(good, "arch: voussoirs, elements and embrace must be positive")
+    good = 0.0 < thickness < 2.0 * radius
+    require(good, "arch: the thickness must lie between 0 and twice the radius")
     half = 0.5 * np.radians(embrace)
     angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -367,17 +365,22 @@ def wedge(
     `length` that of a block along the ground, m, at least half the width of the wedge.
     """
     half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
-    if height <= 0.0 or not 0.0 < half < length:
-        raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
+    good = height > 0.0 and 0.0 < half < length
+    require(good, "wedge: the sizes must be positive and the wedge narrower than the blocks")
     left = (-half, height)
     right = (half, height)
     tip = (0.0, 0.0)
-    start = (-length, 0.0)
-    end = (length, 0.0)
-    blocks = [[start, tip, left, (-length, height)], [tip, end, (length, height), right]]
-    blocks.append([tip, right, left])
-    flanks = [(tip, left), (tip, right)]
-    groups = {"base": [(start, end)], "top": [(left, right)], "flanks": flanks}
+    ground = [(-length, 0.0), (length, 0.0)]
+    blocks = [
+        [ground[0], tip, left, (-length, height)],
+        [tip, ground[1], (length, height), right],
+        [tip, right, left],
+    ]
+    groups: Segments = {
+        "base": [ground],
+        "top": [(left, right)],
+        "flanks": [(tip, left), (tip, right)],
+    }
     return polygons(blocks, size, ["blocks", "blocks", "wedge"], groups, quadrilaterals)
 
 
@@ -399,8 +402,8 @@ def buttress(
     There are `courses` of either, each `height` high; `wall_width` and `foot` are the widths of the
     wall and of the buttress at the ground, m.
     """
-    if courses < 1 or min(wall_width, foot, height) <= 0.0:
-        raise InputError("buttress: courses and sizes must be positive")
+    good = courses >= 1 and min(wall_width, foot, height) > 0.0
+    require(good, "buttress: courses and sizes must be positive")
     total = courses * height
     blocks: list[list[tuple[float, float]]] = []
     for low, high in itertools.pairwise(height * np.arange(courses + 1)):
@@ -414,3 +417,68 @@ def buttress(
         "back": [((wall_width, 0.0), (wall_width, total))],
     }
     return polygons(blocks, size, ["wall", "buttress"] * courses, groups, quadrilaterals)
+
+
+# ---- drawings
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Straight-sided blocks of a planar structure, and lines that name their sides.
+
+    Attributes:
+        blocks: Corners of every block in order, either way round, each of shape (corners, 2), m.
+        names: Two-dimensional group of every block.
+        groups: Segments ((x0, y0), (x1, y1)), m, by name of the one-dimensional group of all sides
+            that lie on them. Where two blocks touch, both sides do.
+    """
+
+    blocks: Sequence[Array]
+    names: Sequence[str]
+    groups: Segments = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_types(self)
+
+    @checked
+    def with_group(self, name: str, *segments: npt.ArrayLike) -> Drawing:
+        """The drawing with one more group, of what lies on `segments`; see `groups`."""
+        return replace(self, groups={**self.groups, name: segments})
+
+    @checked
+    def mesh(self, size: float | None = None, quadrilaterals: bool = False) -> Any:
+        """Gmsh model of the drawing; arguments and errors are those of `polygons`."""
+        return polygons(self.blocks, size, self.names, self.groups, quadrilaterals)
+
+    def lengths(self) -> dict[str, float]:
+        """Length of the sides in every group, m, both sides where blocks touch."""
+        blocks, near = divided_outlines(list(self.blocks), self.groups)
+        sides = np.linalg.norm(np.diff(sides_of_outlines(blocks), axis=1)[:, 0], axis=1)
+        found = sides_on(blocks, self.groups, near)
+        return {name: float(sides[on].sum()) for name, on in found.items()}
+
+    def gaps(self, thickness: float = 0.0) -> Array:
+        """Corners that lie close to another block without touching it, shape (corners, 4).
+
+        The columns are x, y and the distance, m, and 1 where it is the distance of a side that the
+        corner faces, 0 where the nearest is another corner; see `GAP`. `thickness` is
+        that of mortar joints, m.
+        """
+        blocks, near = divided_outlines(list(self.blocks), {})
+        ends = sides_of_outlines(blocks)
+        owner = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
+        reach = max(4.0 * GAP * default_size(blocks), 1.01 * thickness)
+        corners = np.unique(ends[:, 0], axis=0)
+        pairs = points_near_segments(corners, ends, reach)
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[pairs.segment]
+        beyond = np.abs(pairs.at - np.clip(pairs.at, 0.0, 1.0)) * length
+        order = np.lexsort([beyond > near, pairs.distance, owner[pairs.segment], pairs.point])
+        key = np.column_stack([pairs.point, owner[pairs.segment]])[order]
+        first = order[np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1)]  # of corner and block
+        first = first[pairs.distance[first] > near]
+        place = corners[pairs.point[first]]
+        middle = place + 0.5 * pairs.way[first]
+        empty = inside_outlines(middle, blocks) < 0  # between corner and block there is no block
+        empty[points_near_segments(middle, ends, near).point] = False
+        rows = np.column_stack([place, pairs.distance[first], beyond[first] <= near])
+        return rows[empty]

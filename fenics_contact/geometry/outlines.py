@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
+from fenics_contact.errors import require
 from fenics_contact.geometry.planar_cells import Array, Flags, Indices, connected, near_pairs
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
@@ -186,11 +186,9 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
     blocks = []
     for part in np.split(corners, np.cumsum([len(outline) for outline in outlines]))[:-1]:
         block = part[np.hypot(*(part - part[np.arange(len(part)) - 1]).T) > near]
-        if len(block) < 3:
-            raise InputError(
-                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) m is too small beside the whole,"
-                f" {near / COINCIDENT:g} m"
-            )
+        place = f"({part[0, 0]:g}, {part[0, 1]:g}) m"
+        text = f"a block at {place} is too small beside the whole, {near / COINCIDENT:g} m"
+        require(len(block) >= 3, text)
         blocks.append(block if outline_area(block) > 0.0 else block[::-1])
     starts, side = divided_segments(sides_of_outlines(blocks), np.unique(corners, axis=0), near)
     first_side = np.cumsum([len(block) for block in blocks])[:-1]
@@ -251,15 +249,10 @@ def overlaps(outlines: Sequence[Array], depth: float) -> tuple[Indices, Array]:
     some = (rank[:, 0] < rank[:, 1]) & np.all(wide > depth, axis=1)
     pairs = pairs[some][np.lexsort(rank[some].T[::-1])]
     shapes = {k: Polygon(outlines[k]) for k in np.unique(pairs).tolist()}
-    found = []
-    places = []
-    for first, second in pairs.tolist():
-        common = shapes[first].intersection(shapes[second])
-        if common.area > 0.5 * depth * common.length:
-            place = common.representative_point()
-            found.append((first, second))
-            places.append((place.x, place.y))
-    return np.array(found, dtype=np.int64).reshape(-1, 2), np.array(places).reshape(-1, 2)
+    common = [shapes[first].intersection(shapes[second]) for first, second in pairs.tolist()]
+    deep = [k for k, one in enumerate(common) if one.area > 0.5 * depth * one.length]
+    places = [common[k].representative_point().coords[0] for k in deep]
+    return pairs[deep].reshape(-1, 2), np.array(places).reshape(-1, 2)
 
 
 def equal_outlines(outlines: Sequence[Array], near: float) -> dict[int, int]:

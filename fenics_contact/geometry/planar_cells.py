@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, require
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -39,13 +39,13 @@ def check_coordinates(coordinates: Array, source: str) -> None:
         place = ", ".join(f"{x:g}" for x in coordinates[wrong[0]])
         raise InputError(f"{source}: {len(wrong)} nodes have no place, the first is at ({place})")
     largest = np.abs(coordinates).max()
-    if largest > SIZES[1]:
-        raise InputError(f"{source} has a coordinate of {largest:g}; give coordinates in m")
+    text = f"{source} has a coordinate of {largest:g}; give coordinates in m"
+    require(largest <= SIZES[1], text)
     spread = np.ptp(coordinates, axis=0)
-    if spread[2] > 1e-9 * spread.max():
-        raise InputError(f"{source} is not planar: z varies by {spread[2]:.3g}; draw it in x and y")
-    if spread.max() < SIZES[0]:
-        raise InputError(f"{source} is {spread.max():g} m wide; give coordinates in m")
+    text = f"{source} is not planar: z varies by {spread[2]:.3g}; draw it in x and y"
+    require(spread[2] <= 1e-9 * spread.max(), text)
+    text = f"{source} is {spread.max():g} m wide; give coordinates in m"
+    require(spread.max() >= SIZES[0], text)
 
 
 def anticlockwise(points: Array, cells: Indices, source: str) -> Indices:

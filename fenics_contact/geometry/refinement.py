@@ -77,12 +77,14 @@ class _Sides:
         corners: Nodes of every cell, that opposite to its longest side first, shape (cells, 3).
         of_cell: Sides of every cell, each opposite to its corner, shape (cells, 3).
         ends: Nodes at the ends of every side, shape (sides, 2).
+        points: Coordinates of the ends, shape (sides, 2, 2), m.
     """
 
     domain: Any
     corners: Indices
     of_cell: Indices
     ends: Indices
+    points: Array
 
     @classmethod
     def of(cls, mesh: BlockMesh) -> _Sides:
@@ -100,12 +102,7 @@ class _Sides:
         index_map = topology.index_map(1)
         ends = np.zeros((index_map.size_local + index_map.num_ghosts, 2), dtype=np.int64)
         ends[of_cell] = corners[:, [[1, 2], [2, 0], [0, 1]]]
-        return cls(mesh.domain, corners, of_cell, ends)
-
-    @property
-    def points(self) -> Array:
-        """Coordinates of the ends, shape (sides, 2, 2), m."""
-        return np.asarray(self.domain.geometry.x[self.ends, :2])
+        return cls(mesh.domain, corners, of_cell, ends, mesh.domain.geometry.x[ends, :2])
 
 
 def _closed(table: _Sides, cells: Flags) -> Flags:
@@ -162,9 +159,10 @@ def _remade(
 
     Tagged facets are left as they are.
     """
-    stored = StoredMesh.in_place(mesh.comm, cells, points)
+    domain = compat.create_mesh_in_place(mesh.comm, cells, points)
+    stored = StoredMesh.of(domain, cells, points)
     first = sum(mesh.comm.allgather(len(cells))[: mesh.comm.rank])
-    parent = parent[np.asarray(stored.domain.topology.original_cell_index) - first]
+    parent = parent[np.asarray(domain.topology.original_cell_index) - first]
     labels = {"body": mesh.body[parent], "cell_groups": mesh.cell_groups[parent]}
     return replace(mesh, stored=stored, **labels), parent
 

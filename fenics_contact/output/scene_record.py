@@ -65,7 +65,7 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         **tables,
         "supports": dict(scene.supports),
         "loads": {
-            name: asdict(replace(load, form=None)) | {"form": load.form_name or None}
+            name: asdict(replace(load, form=None)) | {"form": function_name(load.form) or None}
             for name, (load, _) in loads.items()
         },
         "resultants": {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import copy
 import math
 import pickle
@@ -77,7 +78,10 @@ def _require_size(name: str, value: float) -> None:
     require(value == 0.0 or low <= abs(value) <= high, problem)
 
 
-def _require_pair(name: str, value: Sequence[float]) -> None:
+def _require_pair(name: str, value: Sequence[float] | str) -> None:
+    """Refuse other than two numbers; the name of a group, in place of them, is let through."""
+    if isinstance(value, str):
+        return
     good = len(value) == 2 and all(map(math.isfinite, value))
     require(good, f"{name} = {list(value)} must be two finite numbers")
     for component in value:
@@ -100,11 +104,6 @@ def _require_profile(name: str, value: tuple[tuple[float, float], ...] | str) ->
         _require_pair(name, pair)
     for (low, *_), (high, *_) in pairwise(value):
         require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
-
-
-def _require_place(name: str, value: Sequence[float] | str) -> None:
-    if not isinstance(value, str):
-        _require_pair(name, value)
 
 
 #: What refuses a value of a field, by the field's name and the value.
@@ -316,9 +315,9 @@ class Tie(_Checked):
             and the stiffness that of one, N/m.
     """
 
-    from_: tuple[float, float] | str = _ruled(_require_place)
+    from_: tuple[float, float] | str = _ruled(_require_pair)
     yield_: float = _ruled(_POSITIVE)
-    to: tuple[float, float] | str | None = _ruled(_require_place, None)
+    to: tuple[float, float] | str | None = _ruled(_require_pair, None)
     ground: tuple[float, float] | None = _ruled(_require_pair, None)
     stiffness: float | None = _ruled(_POSITIVE, None)
     prestress: float = _ruled(_NOT_NEGATIVE, 0.0)
@@ -408,17 +407,10 @@ class Load(_Checked):
         return replace(self, **{name: copy.deepcopy(getattr(self, name), memo) for name in names})
 
     @property
-    def form_name(self) -> str:
-        """Name of the function `form`, for people; empty if there is none."""
-        return function_name(self.form)
-
-    @property
     def acceleration(self) -> tuple[float, float]:
         """The body force per mass, tilted, m/s2."""
-        (x, y), angle = self.body, math.radians(self.tilt)
-        cosine = math.cos(angle)
-        sine = math.sin(angle)
-        return (x * cosine - y * sine, x * sine + y * cosine) if self.tilt else self.body
+        turned = complex(*self.body) * cmath.rect(1.0, math.radians(self.tilt))
+        return (turned.real, turned.imag) if self.tilt else self.body
 
 
 @dataclass(frozen=True)
@@ -703,11 +695,9 @@ class Scene(_Shared):
             ("loads.dead.earth", self.dead.earth, facets, "one"),
             ("loads.live.earth", self.live.earth, facets, "one"),
         ):
-            for name in sorted(set(names) - set(known)):
-                raise InputError(
-                    f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
-                    f" {_listed(known)}"
-                )
+            for name in sorted(names):
+                text = f"{table}.{name}: {source} has no {number}-dimensional group '{name}'"
+                require(name in known, f"{text}; it has {_listed(known)}")
         ends: dict[str, Any] = {f"floors.{n}.at": floor.at for n, floor in self.floors.items()}
         for name, tie in self.ties.items():
             ends |= {f"ties.{name}.from": tie.from_, f"ties.{name}.to": tie.to}
@@ -716,26 +706,21 @@ class Scene(_Shared):
             there = not isinstance(end, str) or end in facets
             require(there, f"{text}; it has {_listed(facets)}; or give a place by x and y")
         held = sorted([*self.foundations, *self.supports])
-        for name in sorted(set(self.dead.movement) - set(held)):
-            raise InputError(
-                f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation; those"
-                f" of this scene are {_listed(held)}"
-            )
-        roles = sorted([*self.joints, *self.foundations, *self.supports])
-        for name in (a for a, b in pairwise(roles) if a == b != "default"):
-            raise InputError(
-                f"group '{name}' has two roles; it can be a joint, a foundation or a support"
-            )
+        for name in sorted(self.dead.movement):
+            text = f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation"
+            require(name in held, f"{text}; those of this scene are {_listed(held)}")
+        roles = sorted([*self.joints, *held])
+        for name, following in pairwise(roles):
+            text = f"group '{name}' has two roles; it can be a joint, a foundation or a support"
+            require(name != following or name == "default", text)
 
         for groups in self.mesh.cell_sets:
             materials = sorted(groups & set(self.materials))
-            if not materials and "default" not in self.materials:
-                raise InputError(
-                    f"cells of {_listed(sorted(groups))} have no material; add"
-                    f" [materials.{min(groups)}] or [materials.default]"
-                )
-            if len({self.materials[name] for name in materials}) > 1:
-                raise InputError(f"the groups {_listed(materials)} share cells; give one material")
+            cure = f"add [materials.{min(groups)}] or [materials.default]"
+            text = f"cells of {_listed(sorted(groups))} have no material; {cure}"
+            require(bool(materials) or "default" in self.materials, text)
+            text = f"the groups {_listed(materials)} share cells; give one material"
+            require(len({self.materials[name] for name in materials}) <= 1, text)
 
     def _laws(self) -> dict[str, JointLaw]:
         """Laws by their keys in a scene file."""
@@ -745,8 +730,8 @@ class Scene(_Shared):
     @property
     def crushes(self) -> bool:
         """Whether a compressive strength is given."""
-        strengths = [law.compressive_strength for law in self._laws().values()]
-        return any([*strengths, *(one.compressive_strength for one in self.materials.values())])
+        given: list[JointLaw | Material] = [*self._laws().values(), *self.materials.values()]
+        return any(one.compressive_strength is not None for one in given)
 
     def _check_options(self) -> None:
         """Refuse laws, ties and options of which one does not know the other."""

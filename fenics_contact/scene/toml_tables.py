@@ -19,6 +19,7 @@ from fenics_contact.errors import (
     key_of,
     kind_of,
     raised_together,
+    require,
     shown,
     with_floats,
 )
@@ -48,19 +49,32 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
             _check_depth(tables, f"file '{path}'")
     tables = comm.bcast(tables)
     for assignment in overrides:
-        _override(tables, assignment)
+        key, equals, text = assignment.partition("=")
+        names = [name.strip() for name in key.split(".")]
+        given = f"'--set {assignment}'"
+        require(bool(equals) and all(names), f"{given} is not of the form key=value")
+        problem = "has more than one line, or characters of control"
+        require(assignment.isprintable(), f"{given} {problem}")
+        value = value_of(text)
+        _check_depth([value], f"'--set {names[0]}'")
+        deep = f"'--set {key}' has more than {DEEPEST} tables in tables"
+        require(len(names) <= DEEPEST, deep)
+        try:
+            assign(tables, key, value)
+        except InputError as error:
+            raise InputError(f"{given}: {error}") from None
     return tables
 
 
 def _read(path: Path) -> dict[str, Any]:
     """Tables of a file; a byte order mark, as some editors write, is left out."""
     try:
-        if path.is_fifo():  # nobody may ever write to it
-            raise InputError(f"'{path}' is a pipe; give a scene file")
+        pipe = path.is_fifo()  # nobody may ever write to it
+        require(not pipe, f"'{path}' is a pipe; give a scene file")
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise InputError(f"file '{path}' has more than {LARGEST} bytes; give a scene file")
+        text = f"file '{path}' has more than {LARGEST} bytes; give a scene file"
+        require(len(data) <= LARGEST, text)
         keys = re.split(rb"[\r\n,=\[\]{}]", data.translate(None, b" \t"))
         if max(key.count(b".") for key in keys) > DOTTED:
             raise RecursionError
@@ -87,8 +101,7 @@ def _check_depth(tables: Any, source: str) -> None:
     for _ in range(DEEPEST):
         level = [x for item in level for x in (item.values() if isinstance(item, dict) else item)]
         level = [item for item in level if isinstance(item, (dict, list))]
-    if level:
-        raise InputError(f"{source} has more than {DEEPEST} tables in tables")
+    require(not level, f"{source} has more than {DEEPEST} tables in tables")
 
 
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
@@ -135,38 +148,16 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if get_origin(kind) is Mapping:
         inner = get_args(kind)[1]
         table = as_mapping(key, value)
-        _check_names(key, table, inner)
+        # What belongs into one of these tables is refused beside them.
+        known = [key_of(item.name) for item in fields(inner)] if is_dataclass(inner) else []
+        default = f" or [{key}.default]" if key in WITH_DEFAULT else ""
+        for name, item in table.items():
+            if name in known and not isinstance(item, Mapping):
+                text = f"[{key}] has no name; give [{key}.NAME]{default}"
+                raise InputError(f"{key}.{name} = {shown(item)}: {text}")
         return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
     check_type(key, value, kind)
     return with_floats(value, kind)
-
-
-def _check_names(key: str, table: Mapping[str, Any], inner: Any) -> None:
-    """Refuse a table of tables that has what belongs into one of these."""
-    known = [key_of(item.name) for item in fields(inner)] if is_dataclass(inner) else []
-    for name, item in table.items():
-        if name in known and not isinstance(item, Mapping):
-            default = f" or [{key}.default]" if key in WITH_DEFAULT else ""
-            raise InputError(
-                f"{key}.{name} = {shown(item)}: [{key}] has no name; give [{key}.NAME]{default}"
-            )
-
-
-def _override(table: dict[str, Any], assignment: str) -> None:
-    key, equals, text = assignment.partition("=")
-    names = [name.strip() for name in key.split(".")]
-    if not equals or not all(names):
-        raise InputError(f"'--set {assignment}' is not of the form key=value")
-    if not assignment.isprintable():
-        raise InputError(f"'--set {assignment}' has more than one line, or characters of control")
-    value = value_of(text)
-    _check_depth([value], f"'--set {names[0]}'")
-    if len(names) > DEEPEST:
-        raise InputError(f"'--set {key}' has more than {DEEPEST} tables in tables")
-    try:
-        assign(table, key, value)
-    except InputError as error:
-        raise InputError(f"'--set {assignment}': {error}") from None
 
 
 def value_of(text: str) -> Any:

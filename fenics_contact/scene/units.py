@@ -16,17 +16,10 @@ PER_METRE = "per metre of thickness"
 ROUNDING = 1e-12
 
 #: Unit in SI, factor and unit in kN and MPa; units that are not here stay.
-_ENGINEERS: Mapping[str, tuple[float, str]] = {
-    "Pa": (1e-6, "MPa"),
-    "N": (1e-3, "kN"),
-    "N/m": (1e-3, "kN/m"),
-    "N/m2": (1e-3, "kN/m2"),
-    "N/m3": (1e-3, "kN/m3"),
-    f"N {PER_METRE}": (1e-3, f"kN {PER_METRE}"),
-    f"N/m {PER_METRE}": (1e-3, f"kN/m {PER_METRE}"),
-    f"N {PER_METRE}, N with a spacing": (1e-3, f"kN {PER_METRE}, kN with a spacing"),
-    f"N/m {PER_METRE}, N/m with a spacing": (1e-3, f"kN/m {PER_METRE}, kN/m with a spacing"),
-}
+_FORCES = ("N", "N/m", "N/m2", "N/m3", f"N {PER_METRE}", f"N/m {PER_METRE}")
+_SPACED = (f"N {PER_METRE}, N with a spacing", f"N/m {PER_METRE}, N/m with a spacing")
+_ENGINEERS = {unit: (1e-3, unit.replace("N", "kN")) for unit in (*_FORCES, *_SPACED)}
+_ENGINEERS["Pa"] = (1e-6, "MPa")
 
 
 @dataclass(frozen=True)

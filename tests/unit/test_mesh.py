@@ -10,12 +10,13 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError, compat
 from fenics_contact.geometry.gmsh_mesh import (
+    ReadLimits,
     bodies_of_cells,
     extract,
     gmsh_session,
+    read,
     with_blocks,
 )
-from fenics_contact.geometry.gmsh_reader import ReadLimits, read
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import mesh_of, rectangle
 

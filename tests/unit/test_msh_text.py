@@ -8,8 +8,7 @@ import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact.geometry.gmsh_mesh import gmsh_session
-from fenics_contact.geometry.gmsh_reader import GmshContents, read, text_contents
+from fenics_contact.geometry.gmsh_mesh import GmshContents, gmsh_session, read, text_contents
 from fenics_contact.meshing import arch, buttress, running_bond, wall
 
 DRAWN = {

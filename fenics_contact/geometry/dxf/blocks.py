@@ -6,7 +6,9 @@ coordinates is moved to its own origin, because its digits would not do for the 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,36 +16,54 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError, checked
+from fenics_contact.errors import InputError, checked, require
 from fenics_contact.geometry.closing import ClosedJoints, Mortar
-from fenics_contact.geometry.drawing import Drawing
-from fenics_contact.geometry.dxf import doubts
 from fenics_contact.geometry.dxf.curves import (
     as_ring,
     chains_of_chords,
     end_where_they_return,
     snapped_curves,
 )
-from fenics_contact.geometry.dxf.faces import Faces, faces_between, on_lines, openings
+from fenics_contact.geometry.dxf.faces import (
+    Faces,
+    bounds_faces,
+    faces_between,
+    missed_ends,
+    on_lines,
+    openings,
+)
 from fenics_contact.geometry.dxf.reader import UNITS, Curves, read_curves
 from fenics_contact.geometry.dxf.roles import MANY, CurveRoles, LayerRoles, curve_roles
-from fenics_contact.geometry.meshing import lowest_level
+from fenics_contact.geometry.meshing import Drawing, ground_level
 from fenics_contact.geometry.outlines import (
     COINCIDENT,
     Segments,
     equal_outlines,
     inner_points,
     inside_outlines,
+    outline_area,
     outline_problem,
+    overlaps,
 )
 from fenics_contact.geometry.planar_cells import PENETRATION, Array
 
+#: The level on which a structure stands, in words.
+LEVEL = "the lowest level"
 #: Distance from the origin from which a drawing is moved there, and distance of a block from the
 #: others which is a mistake, both in sizes of the drawing.
 FAR = 100.0
 APART = 100.0
 #: Most places that a warning lists.
 PLACES = 10
+
+# From where on something is suspicious.
+#: Area of a block over the median one below which it might be a mistake.
+SMALL = 1e-3
+#: Mean area of the blocks of a layer over the median one above which they might be openings.
+LARGE = 4.0
+#: Widths of the median block, m, outside which its unit is doubtful, and for which one is proposed.
+SIZES = 0.02, 3.0
+USUAL = 0.08, 2.0
 
 
 @dataclass(frozen=True)
@@ -81,11 +101,8 @@ class DxfContents:
 
     def place(self, x: float, y: float) -> str:
         """A place in the file's unit, as a CAD program shows it."""
-        return _place((np.array([x, y]) + self.origin) / UNITS[self.unit], self.unit)
-
-
-def _place(point: Array, unit: str) -> str:
-    return f"({point[0]:.10g}, {point[1]:.10g}) {unit}"
+        x, y = (np.array([x, y]) + self.origin) / UNITS[self.unit]
+        return f"({x:.10g}, {y:.10g}) {self.unit}"
 
 
 @checked
@@ -117,56 +134,76 @@ def read_dxf(
             a block has no area or crosses itself.
     """
     found = read_curves(Path(path), unit)
-    if not found.curves:
-        raise InputError(f"{found.source} has no lines; {'; '.join(found.notes) or 'it is empty'}")
-    if not 0.0 <= snap < np.inf:
-        raise InputError(f"snap = {snap:g} must be a length in the drawing's unit")
+    text = f"{found.source} has no lines; {'; '.join(found.notes) or 'it is empty'}"
+    require(bool(found.curves), text)
+    require(0.0 <= snap < np.inf, f"snap = {snap:g} must be a length in the drawing's unit")
     end_where_they_return(found)
     origin, size = _own_origin(found)
     near = COINCIDENT * size
     chains = chains_of_chords(found.curves, near)
     by_role = curve_roles(found, chains, roles or LayerRoles(), near)
+    bounding = [*by_role.lines, *by_role.voids, *by_role.blocks]
 
     def attempt(reach: float) -> _Reading:
         """The drawing with a `snap`, before its blocks are found."""
-        curves = snapped_curves(found.curves, by_role.bounding, reach) if reach else found.curves
+        curves = snapped_curves(found.curves, bounding, reach) if reach else found.curves
         return _Reading(replace(found, curves=curves), by_role, near, origin, reach)
 
     read = attempt(snap)
-    slips = doubts.Slips()
+    slips = ""
+    mend = 0.0
     try:
         try:
             read.take_blocks()
         finally:
-            slips = _slips(read, attempt)
+            slips, mend = _slips(read, attempt)
         if close:
             read.close_joints()
-        return read.contents(slips)
+        return read.contents(slips, mend)
     except InputError as error:
-        if not slips.snap:
+        if not mend:
             raise
         raise InputError(
-            f"{error}; ends of lines miss each other: --snap {slips.snap:g} may mend them"
+            f"{error}; ends of lines miss each other: --snap {mend:g} may mend them"
         ) from None
 
 
-def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> doubts.Slips:
-    """What a drawing loses by ends that miss each other, by the smallest `snap` that mends most."""
-    missed = doubts.missed_ends(read.faces, read.near)[1] if read.faces else np.zeros(0)
+def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> tuple[str, float]:
+    """What a drawing loses by ends that miss each other, and the smallest `snap` that mends most.
+
+    Lengths of one digit are tried that are as large as those missed.
+
+    Returns:
+        All of it in a line, empty if nothing is lost; the length in the drawing's unit, else 0.
+    """
+    missed = missed_ends(read.faces, read.near)[1] if read.faces else np.zeros(0)
+    missed = missed[np.isfinite(missed)]
+    step = 10.0 ** np.floor(np.log10(missed))
     mended = read
-    for value in doubts.values_to_try(missed):
-        if value <= read.snap:
-            continue
-        other = attempt(value)
-        try:
-            other.take_blocks()
-        except InputError:
-            continue
-        if len(other.blocks) + len(other.voids) > len(mended.blocks) + len(mended.voids):
-            mended = other
+    for value in sorted({float(f"{v:.1g}") for v in np.ceil(missed / step - 1e-9) * step}):
+        if value > read.snap:
+            other = attempt(value)
+            with suppress(InputError):
+                other.take_blocks()
+                if len(other.blocks) + len(other.voids) > len(mended.blocks) + len(mended.voids):
+                    mended = other
     if mended is read:
-        return doubts.Slips()
-    return doubts.slips_between(read.blocks, (mended.blocks, mended.voids), mended.snap)
+        return "", 0.0
+    stones, filled = (
+        inside_outlines(inner_points(some), read.blocks) for some in (mended.blocks, mended.voids)
+    )
+    count = np.bincount(np.concatenate([stones, filled]) + 1, minlength=len(read.blocks) + 1)
+    joined = np.sum((stones >= 0) & (count[stones + 1] > 1))
+    parts = [
+        f"{number} {what}"
+        for number, what in (
+            (joined, "stones are joined to their neighbours"),
+            (np.sum(stones < 0), "stones are lost"),
+            (np.sum(filled >= 0), "openings filled"),
+        )
+        if number
+    ]
+    return f"{', '.join(parts)}: --snap {mended.snap:g} mends them", mended.snap
 
 
 def _own_origin(found: Curves) -> tuple[Array, float]:
@@ -185,39 +222,46 @@ def _own_origin(found: Curves) -> tuple[Array, float]:
     return origin, size
 
 
+@dataclass
 class _Reading:
     """A drawing while its blocks are found.
 
     Attributes:
+        found: Its curves.
+        by_role: Their roles.
+        near: Distance within which points are the same.
+        origin: Of the curves in the drawing.
+        snap: By how much ends of lines were moved, at most.
+        faces: Faces between lines; None where closed curves are the blocks.
         blocks: Outlines of blocks, in the drawing's unit.
         names: Their groups.
         voids: Outlines of openings.
-        notes: What is said.
         marks: Suspicious places in the drawing's unit, with texts.
     """
 
-    def __init__(
-        self, found: Curves, by_role: CurveRoles, near: float, origin: Array, snap: float
-    ) -> None:
-        self.found = found
-        self.chains = chains_of_chords(found.curves, near)
-        self.by_role = by_role
-        self.near = near
-        self.origin = origin
-        self.snap = snap
-        self.faces: Faces | None = None
-        self.blocks: list[Array] = []
-        self.names: list[str] = []
-        self.voids: list[Array] = []
-        self.notes = [*found.notes, *by_role.notes]
-        self.marks: list[tuple[Array, str]] = []
+    found: Curves
+    by_role: CurveRoles
+    near: float
+    origin: Array
+    snap: float
+    faces: Faces | None = None
+    blocks: list[Array] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    voids: list[Array] = field(default_factory=list)
+    marks: list[tuple[Array, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Divide arcs of the curves; take over what was said of them."""
+        self.chains = chains_of_chords(self.found.curves, self.near)
+        self.notes = [*self.found.notes, *self.by_role.notes]
 
     def _rings(self, numbers: Sequence[int]) -> list[Array]:
         """Chains of curves that end as they begin, if closed."""
         return [as_ring(self.found.curves[k], self.chains[k]) for k in numbers]
 
     def _place(self, point: Array) -> str:
-        return _place(point + self.origin, self.found.unit)
+        x, y = point + self.origin
+        return f"({x:.10g}, {y:.10g}) {self.found.unit}"
 
     # ---- blocks
 
@@ -237,17 +281,15 @@ class _Reading:
         self.blocks = [self.chains[k] for k in self.by_role.blocks]
         self.names = [curves[k].layer for k in self.by_role.blocks]
         for block, name in zip(self.blocks, self.names, strict=True):
-            if problem := outline_problem(block):
-                place = self._place(block[0])
-                raise InputError(
-                    f"{self.found.source}: the block on layer '{name}' at {place} {problem}"
-                )
-        if not self.blocks:
-            raise InputError(
-                f"{self.found.source} has no closed polyline, which would be a block; give layers"
-                " of closed curves with --blocks, or of lines between blocks with --lines"
-                f" ({'; '.join(self.notes) or 'it is empty'})"
-            )
+            problem = outline_problem(block)
+            text = f"the block on layer '{name}' at {self._place(block[0])} {problem}"
+            require(not problem, f"{self.found.source}: {text}")
+        text = (
+            f"{self.found.source} has no closed polyline, which would be a block; give layers of"
+            " closed curves with --blocks, or of lines between blocks with --lines"
+            f" ({'; '.join(self.notes) or 'it is empty'})"
+        )
+        require(bool(self.blocks), text)
         if self.voids:
             owner = inside_outlines(inner_points(self.blocks), self.voids)
             within = {
@@ -262,8 +304,16 @@ class _Reading:
             text = f"a block on layer {layers} is drawn twice"
             self.marks.append((inner_points([self.blocks[first]])[0], text))
         self._leave_out(set(twice), "drawn twice: each is one block")
-        depth = PENETRATION * self.near / COINCIDENT
-        self.marks += doubts.openings_over_blocks(self.blocks, self.voids, depth)
+        if self.voids:
+            count = len(self.blocks)
+            depth = PENETRATION * self.near / COINCIDENT
+            pairs, places = overlaps([*self.blocks, *self.voids], depth)
+            text = (
+                "an opening lies over a block, which is not cut: draw the block around it, or give"
+                " --lines for the lines around blocks"
+            )
+            over = (pairs.min(axis=1) < count) & (pairs.max(axis=1) >= count)
+            self.marks += [(place, text) for place in places[over]]
 
     def _leave_out(self, numbers: set[int], why: str) -> None:
         if numbers:
@@ -282,7 +332,7 @@ class _Reading:
         faces = faces_between([*lines, *voids], self.near)
         if closed:  # those that only name blocks bound none
             if len(faces.outlines) >= MANY * len(closed):
-                closed = [ring for ring in closed if doubts.bounds_faces(ring, faces, self.near)]
+                closed = [ring for ring in closed if bounds_faces(ring, faces, self.near)]
             faces = faces_between([*lines, *voids, *closed], self.near)
         self.faces = faces
         self.voids = openings(faces, on_lines(faces.edges, voids, self.near))
@@ -304,15 +354,14 @@ class _Reading:
                 )
             self.blocks.append(outline)
             self.names.append(curves[roles.blocks[owner[k]]].layer if owner[k] >= 0 else "blocks")
-        if not self.blocks:
-            layers = ", ".join(sorted({curves[k].layer for k in roles.lines}))
-            raise InputError(
-                f"{self.found.source}: the lines on layers {layers} enclose no"
-                f" face, which would be a block ({'; '.join(self.notes) or 'it is empty'})"
-            )
-        self.notes.append(
-            f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
+        layers = ", ".join(sorted({curves[k].layer for k in roles.lines}))
+        text = (
+            f"the lines on layers {layers} enclose no face, which would be a block"
+            f" ({'; '.join(self.notes) or 'it is empty'})"
         )
+        require(bool(self.blocks), f"{self.found.source}: {text}")
+        count = f"{len(self.blocks)} blocks, {len(self.voids)} openings"
+        self.notes.append(f"faces between lines: {count}")
 
     # ---- mortar joints
 
@@ -328,12 +377,13 @@ class _Reading:
             return
         closed = ClosedJoints(mortar)
         for block, name, grown in zip(self.blocks, self.names, closed.outlines, strict=True):
-            if problem := outline_problem(grown):
-                raise InputError(
-                    f"{self.found.source}: the joints around the block on layer '{name}' at"
-                    f" {self._place(inner_points([block])[0])} cannot be closed, its outline then"
-                    f" {problem}; draw it up to the middle of its joints, or leave out --close"
-                )
+            problem = outline_problem(grown)
+            text = (
+                f"{self.found.source}: the joints around the block on layer '{name}' at"
+                f" {self._place(inner_points([block])[0])} cannot be closed, its outline then"
+                f" {problem}; draw it up to the middle of its joints, or leave out --close"
+            )
+            require(not problem, text)
         self.blocks = list(closed.outlines)
         self.chains = [
             chain if curve.closed else closed.moved(chain)
@@ -345,11 +395,23 @@ class _Reading:
 
     # ---- contents
 
-    def contents(self, slips: doubts.Slips) -> DxfContents:
-        """The drawing in m, with its groups, and what it loses by slips."""
+    def contents(self, slips: str, mend: float) -> DxfContents:
+        """The drawing in m, with its groups, and what it loses by slips; see `_slips`."""
         scale = UNITS[self.found.unit]
-        self._refuse_far_blocks()
-        self._add_doubts(slips)
+        # A block far from the others: the digits of all would not do.
+        points = np.array([block.mean(axis=0) for block in self.blocks])
+        away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+        worst = int(np.argmax(away))
+        block = np.median([np.ptp(block, axis=0).max() for block in self.blocks])
+        size = 2.0 * float(np.median(away)) + block
+        text = (
+            f"{self.found.source}: the block on layer '{self.names[worst]}' at"
+            f" {self._place(points[worst])} is {away[worst] / size:.3g} times the size of the"
+            " drawing away from the others; delete it or name its layer with --ignore"
+        )
+        require(away[worst] <= APART * size, text)
+        self._add_doubts(mend)
+        self._add_doubtful_sizes()
         if np.any(self.origin):  # to the lower left corner of the blocks
             corner = np.concatenate(self.blocks).min(axis=0)
             self.origin = self.origin + corner
@@ -377,15 +439,24 @@ class _Reading:
             [scale * void for void in self.voids],
             [Mark(scale * point[0], scale * point[1], text) for point, text in self.marks],
             lengths,
-            slips.text,
+            slips,
         )
 
-    def _add_doubts(self, slips: doubts.Slips) -> None:
-        """Add what looks wrong."""
+    def _add_doubts(self, mend: float) -> None:
+        """Mark ends of lines that stop short of another, or within a block, and open blocks."""
         found = self.found
         if self.faces is not None:
-            stub = max(self.snap, slips.snap)
-            self.marks += doubts.free_ends(self.faces, self.blocks, self.near, stub)
+            ends, distance = missed_ends(self.faces, self.near, max(self.snap, mend))
+            others = ends[np.isinf(distance)]
+            within = others[inside_outlines(others, self.blocks) >= 0]
+            for some, text in (
+                (
+                    ends[np.isfinite(distance)],
+                    "ends short of another: extend it, or blocks are one",
+                ),
+                (within, "ends within a block, which it does not divide: extend it"),
+            ):
+                self.marks += [(end, f"a line {text}") for end in some]
         rings = [np.concatenate([block, block[:1]]) for block in self.blocks]
         for k in self.by_role.sides:
             chain = self.chains[k]
@@ -396,12 +467,44 @@ class _Reading:
                 if not (inside and on_lines(edges, rings, self.near).all()):
                     text = f"an open polyline on layer '{layer}' is no block: close it if it is one"
                     self.marks.append((chain[0], text))
-        small, notes = doubts.doubtful_sizes(self.blocks, self.names, found.unit, found.unit_given)
-        self.marks += small
-        self.notes += notes
+
+    def _add_doubtful_sizes(self) -> None:
+        """Mark blocks much smaller than most; warn of layers of large ones, and of the unit."""
+        areas = np.array([abs(outline_area(block)) for block in self.blocks])
+        median = float(np.median(areas))
+        self.marks += [
+            (
+                inner_points([self.blocks[k]])[0],
+                f"a block on layer '{self.names[k]}' has less than a thousandth of the median area:"
+                " a sliver between lines that do not meet?",
+            )
+            for k in np.flatnonzero(areas < SMALL * median).tolist()
+        ]
+        for name, count in Counter(self.names).items():
+            large = areas[np.array(self.names) == name].mean() / median
+            if large > LARGE and count < 0.5 * len(self.names):
+                self.notes.append(
+                    f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large"
+                    f" as the median; if they are openings, give --voids {name}"
+                )
+        unit = self.found.unit
+        width = float(np.sqrt(median))
+        size = width * UNITS[unit]
+        # A file that says inch may not have set it.
+        unsaid = unit == "in" and not self.found.unit_given
+        if unsaid or not SIZES[0] <= size <= SIZES[1]:
+            likely = [
+                f"--unit {name} makes it {width * metres:.3g} m"
+                for name, metres in UNITS.items()
+                if name != unit and USUAL[0] <= width * metres <= USUAL[1]
+            ]
+            self.notes.append(
+                f"warning: is the unit {unit}? The median block is {size:.3g} m wide (the root of"
+                f" its area); {', '.join(likely) or 'if not, give --unit'}"
+            )
 
     def _groups(self, drawing: Drawing, scale: float) -> tuple[Segments, dict[str, float]]:
-        """Groups of the lines on which sides of blocks lie, or the lowest level; their lengths, m.
+        """Groups of the lines on which sides of blocks lie, or of the ground; their lengths, m.
 
         Raises:
             InputError: If the drawing stands on nothing.
@@ -414,9 +517,7 @@ class _Reading:
         numbers = [*roles.sides, *(roles.lines + roles.voids if faces else ())]
         for k, ring in zip(numbers, self._rings(numbers), strict=True):
             lines.setdefault(curves[k].layer, []).extend(pairwise(scale * ring))
-        blocks = list(drawing.blocks)
-        level: Segments = {} if "base" in map(str.lower, lines) else lowest_level(blocks)
-        every = replace(drawing, groups={**lines, **level}).lengths()
+        every = replace(drawing, groups=lines).lengths()
         self.notes += [
             f"left out: layer '{name}', on whose lines no side of a block lies"
             for name in lines
@@ -425,30 +526,13 @@ class _Reading:
         groups: Segments = {name: lines[name] for name in sorted(lines) if every[name] > 0.0}
         if not groups or (not drawn and "base" not in map(str.lower, groups)):
             why = "" if groups else "no lines on sides of blocks: "
-            self.notes.append(f'{why}the group "base" is the lowest level')
-            if not level:  # a layer of that name has no side
-                level = lowest_level(blocks)
-                every |= replace(drawing, groups=level).lengths()
+            self.notes.append(f'{why}the group "base" is {LEVEL}')
+            level = ground_level(list(drawing.blocks))
+            every |= replace(drawing, groups=level).lengths()
             groups = {**groups, **level}
-            if every["base"] == 0.0:
-                lowest = min(self.blocks, key=lambda block: block[:, 1].min())
-                place = self._place(lowest[np.argmin(lowest[:, 1])])
-                raise InputError(
-                    f"{self.found.source}: no side of a block lies on the lowest level, at {place},"
-                    " to stand on; draw lines on a layer of their own where the structure stands"
-                )
+            corners = np.concatenate(self.blocks)
+            place = self._place(corners[np.argmin(corners[:, 1])])
+            text = "to stand on; draw lines on a layer of their own where the structure stands"
+            text = f"no side of a block lies on {LEVEL}, at {place}, {text}"
+            require(every["base"] > 0.0, f"{self.found.source}: {text}")
         return groups, {name: every[name] for name in groups}
-
-    def _refuse_far_blocks(self) -> None:
-        """Refuse a block so far from the others that the digits of all would not do."""
-        points = np.array([block.mean(axis=0) for block in self.blocks])
-        away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
-        worst = int(np.argmax(away))
-        block = np.median([np.ptp(block, axis=0).max() for block in self.blocks])
-        size = 2.0 * float(np.median(away)) + block
-        if away[worst] > APART * size:
-            raise InputError(
-                f"{self.found.source}: the block on layer '{self.names[worst]}' at"
-                f" {self._place(points[worst])} is {away[worst] / size:.3g} times the size of the"
-                " drawing away from the others; delete it or name its layer with --ignore"
-            )

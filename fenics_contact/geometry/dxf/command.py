@@ -1,31 +1,39 @@
-"""From a DXF file to a gmsh file: what was made, in words."""
+"""From a DXF file to a gmsh file: what was made, in words and in a picture."""
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, plain, require
 from fenics_contact.geometry.closing import Mortar
-from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf.blocks import PLACES, DxfContents, Mark, read_dxf
 from fenics_contact.geometry.dxf.reader import UNITS
 from fenics_contact.geometry.dxf.roles import LayerRoles
 from fenics_contact.geometry.dxf.starter import GroupRoles, starter_text, with_ground
-from fenics_contact.geometry.gmsh_mesh import gmsh_session
-from fenics_contact.geometry.gmsh_reader import REMARK
-from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.gmsh_mesh import REMARK, gmsh_session
+from fenics_contact.geometry.meshing import Drawing, default_size
 from fenics_contact.geometry.outlines import overlaps, sides_of_outlines
 from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
 
 #: Largest number of cells; a limit load of more takes days.
 CELLS = 2e6
+#: Fill colours of blocks by layer, and colours of lines by layer (Okabe and Ito).
+FILLS = ("#d9e3ec", "#f3e3c3", "#cfdcc5", "#e2cdd6", "#d5d5da", "#eedfae")
+LINES = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+SUSPICIOUS = "#D55E00"
+#: Width of a picture, inches; most blocks that are numbered one by one.
+WIDTH = 12.0
+NUMBERED = 3000
 
 
 @dataclass(frozen=True)
@@ -62,18 +70,16 @@ class MeshOrder:
 
     def check(self) -> None:
         """Refuse names of files that cannot be written, or not without loss, and sizes."""
-        if self.mesh.suffix != ".msh":
-            raise InputError(f"'{self.mesh}' must end with .msh, for gmsh")
-        if self.size is not None and not 0.0 < self.size < np.inf:
-            raise InputError(f"size = {self.size:g} must be a positive length, m")
-        if self.scene is None:
-            return
-        if self.scene.suffix != ".toml":
-            raise InputError(f"'{self.scene}' must end with .toml, as scenes do")
-        if not self.scene.parent.is_dir():
-            raise InputError(f"cannot write to '{self.scene}': its folder does not exist")
-        if os.path.lexists(self.scene):
-            raise InputError(f"'{self.scene}' is there already; give --scene another name")
+        require(self.mesh.suffix == ".msh", f"'{self.mesh}' must end with .msh, for gmsh")
+        good = self.size is None or 0.0 < self.size < np.inf
+        require(good, f"size = {self.size or 0.0:g} must be a positive length, m")
+        if self.scene is not None:
+            name = f"'{self.scene}'"
+            require(self.scene.suffix == ".toml", f"{name} must end with .toml, as scenes do")
+            there = self.scene.parent.is_dir()
+            require(there, f"cannot write to {name}: its folder does not exist")
+            new = not os.path.lexists(self.scene)
+            require(new, f"{name} is there already; give --scene another name")
 
 
 @dataclass(frozen=True)
@@ -117,36 +123,29 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     if order.close:  # corners of the outline beside a joint that was closed face nothing
         gaps = gaps[gaps[:, 3] > 0.0]
     if order.picture is not None:
-        from fenics_contact.geometry.dxf.picture import write_picture
-
         marks = [*read.marks, *(Mark(x, y, "gap") for x, y in gaps[:, :2].tolist())]
         marks += [Mark(x, y, "overlap") for x, y in places.tolist()]
         write_picture(read, marks, order.picture)
     if len(pairs):
         raise InputError(_overlap_message(read, pairs, places, f"'{order.drawing}'"))
     width, height = np.ptp(np.concatenate(blocks), axis=0)
-    if size > max(width, height):
-        raise InputError(
-            f"elements of {size:g} m are larger than the drawing, {width:g} m x {height:g} m; give"
-            " --size in m"
-        )
+    text = f"larger than the drawing, {width:g} m x {height:g} m; give --size in m"
+    require(size <= max(width, height), f"elements of {size:g} m are {text}")
     # Two triangles or more for each square, and the squares of four elements by default.
     cells = 32.0 * len(blocks) * (default_size(blocks) / size) ** 2
     sides = np.diff(sides_of_outlines(blocks), axis=1)[:, 0]
     cells = max(cells, float(np.linalg.norm(sides, axis=1).sum()) / size)
-    if cells > CELLS:
-        raise InputError(f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size")
+    text = f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size"
+    require(cells <= CELLS, text)
     triangles = _meshed(drawing, size, order.mesh, read.slips)
-
-    def listed(values: Mapping[str, object]) -> str:
-        return ", ".join(f"{name} {value}" for name, value in values.items()) or "none"
-
+    by_layer = [f"{name} {count}" for name, count in Counter(drawing.names).items()]
+    lengths = [f"{name} {length:g} m" for name, length in read.lengths.items()]
     thickness = mortar.said(UNITS[read.unit], read.unit)
     gap, warnings = _gap_warning(read, gaps, most, thickness)
     lines = [
         f"{order.drawing}: {len(blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
-        f"blocks by layer: {listed(Counter(drawing.names))}",
-        f"sides by layer: {listed({name: f'{one:g} m' for name, one in read.lengths.items()})}",
+        f"blocks by layer: {', '.join(by_layer) or 'none'}",
+        f"sides by layer: {', '.join(lengths) or 'none'}",
         f"mesh: {triangles} triangles, elements of at most {size:.3g} m along the sides",
         *read.notes,
         *warnings,
@@ -245,8 +244,7 @@ def _meshed(drawing: Drawing, size: float, output: Path, remark: str) -> int:
     """Mesh a drawing and write it, as a whole or not at all; returns the number of triangles."""
     part = output.with_name(f".{output.stem}.{os.getpid()}.msh")
     try:
-        if output.is_dir():
-            raise InputError(f"cannot write to '{output}': it is a folder")
+        require(not output.is_dir(), f"cannot write to '{output}': it is a folder")
         part.touch()  # gmsh does not say why it cannot
         drawing.mesh(size)
         with gmsh_session() as gmsh:
@@ -262,3 +260,74 @@ def _meshed(drawing: Drawing, size: float, output: Path, remark: str) -> int:
         with suppress(OSError):  # a disk that is read-only says so once more
             part.unlink(missing_ok=True)
     return len(tags)
+
+
+def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> None:
+    """Write a picture of a drawing, its ending says in which format.
+
+    Raises:
+        InputError: If the file cannot be written or its ending is unknown.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.figure import Figure
+
+    drawing = read.drawing
+    corners = np.concatenate(drawing.blocks)
+    width, height = np.ptp(corners, axis=0)
+    tall = float(np.clip(WIDTH * height / width, 3.0, 2.0 * WIDTH))
+    figure = Figure(figsize=(WIDTH, tall))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+
+    style: dict[str, Any] = {"edgecolors": "0.35", "linewidths": 0.5}
+    for fill, name in zip(cycle(FILLS), dict.fromkeys(drawing.names), strict=False):
+        some = [b for b, own in zip(drawing.blocks, drawing.names, strict=True) if own == name]
+        label = plain(f"{name}: {len(some)} blocks")
+        axes.add_collection(PolyCollection(some, label=label, facecolors=fill, **style))
+    if read.voids:
+        style = {"facecolors": "none", "edgecolors": "0.6", "hatch": "///", "linewidths": 0.8}
+        label = f"openings: {len(read.voids)}"
+        axes.add_collection(PolyCollection(read.voids, label=label, **style))
+    for number, block in enumerate(drawing.blocks if len(drawing.blocks) <= NUMBERED else ()):
+        low, high = block.min(axis=0), block.max(axis=0)
+        points = 72.0 * min(WIDTH / width, tall / height) * (high - low)
+        font = min(9.0, 0.6 * points[1], points[0] / (0.8 * len(str(number))))
+        middle = 0.5 * (low + high) if len(block) < 5 else block.mean(axis=0)
+        if font > 1.0:
+            axes.text(*middle, str(number), size=font, ha="center", va="center", color="0.25")
+
+    style = {"linewidths": 1.6, "alpha": 0.8}
+    for colour, (name, segments) in zip(cycle(LINES), drawing.groups.items(), strict=False):
+        lines = [np.reshape(segment, (2, 2)) for segment in segments]
+        label = plain(f"sides of {name}: {read.lengths[name]:.4g} m")
+        axes.add_collection(LineCollection(lines, label=label, colors=colour, **style))
+
+    kinds: dict[str, list[Mark]] = {}
+    for mark in marks:
+        kinds.setdefault(mark.text, []).append(mark)
+    style = {"facecolors": "none", "edgecolors": SUSPICIOUS, "linewidths": 1.2, "zorder": 5}
+    beside = {"size": 6, "textcoords": "offset points", "color": SUSPICIOUS, "zorder": 6}
+    for number, (text, alike) in enumerate(kinds.items(), start=1):  # its number in the legend
+        x, y = np.array([(mark.x, mark.y) for mark in alike]).T
+        label = text if len(text) < 70 else f"{text[:67]}..."
+        axes.scatter(x, y, s=60, label=plain(f"{number}: {label} ({len(alike)} places)"), **style)
+        for place in zip(x, y, strict=True):
+            axes.annotate(str(number), place, (4, 3), **beside)
+
+    margin = 0.04 * max(width, height)
+    axes.set_xlim(corners[:, 0].min() - margin, corners[:, 0].max() + margin)
+    axes.set_ylim(corners[:, 1].min() - margin, corners[:, 1].max() + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x in m")
+    axes.set_ylabel("y in m")
+    axes.set_title(f"{len(drawing.blocks)} blocks, {width:.4g} m x {height:.4g} m")
+    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.6 / tall)}
+    axes.legend(ncol=3, fontsize=9, frameon=False, **below)
+    try:
+        with warnings.catch_warnings():  # characters of layers that the font lacks
+            warnings.simplefilter("ignore", UserWarning)
+            figure.savefig(target, dpi=150, bbox_inches="tight")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write the picture to '{target}': {reason}") from None

@@ -56,60 +56,50 @@ def chains_of_chords(curves: Sequence[Curve], near: float) -> list[Array]:
     if not any(curve.smooth or np.any(curve.bulges) for curve in curves):
         return [curve.points for curve in curves]
     ends = np.unique(snapped(np.concatenate([curve.ends for curve in curves]), near), axis=0)
-    shared: dict[tuple[int, int, bool], Array] = {}
+    shared: dict[tuple[int, int, bool], Array] = {}  # chords between two ends
+
+    def divided(start: Array, end: Array, bulge: float) -> Array:
+        """Corners between the ends of an arc, shape (corners, 2)."""
+        angle = 4.0 * float(np.arctan(bulge))
+        along = end - start
+        across = np.array([-along[1], along[0]])
+        centre = 0.5 * (start + end + across / np.tan(0.5 * angle))
+        arm = start - centre
+        radius = float(np.linalg.norm(arm))
+        leaves = radius * (1.0 - np.cos(0.5 * min(abs(angle), ANGLE)))
+        off = np.abs(np.linalg.norm(ends - centre, axis=1) - radius)
+        on = np.flatnonzero(off <= max(near, ON_ARC * leaves))
+        turn = np.arctan2(*(ends[on] - centre).T[::-1]) - np.arctan2(arm[1], arm[0])
+        part = (np.sign(bulge) * turn) % (2.0 * np.pi) / abs(angle)
+        least = 1.5 * near / (radius * abs(angle))
+        order = np.argsort(part)
+        order = order[(part[order] > least) & (part[order] < 1.0 - least)]
+        first, last = (int(np.argmin(np.sum((ends - p) ** 2, axis=1))) for p in (start, end))
+        corners = [first, *on[order].tolist(), last]
+        widths = np.diff([0.0, *part[order].tolist(), 1.0])
+        rows = []
+        for (one, other), width in zip(pairwise(corners), widths.tolist(), strict=True):
+            key = (one, other, bulge > 0.0)
+            if key not in shared:
+                count = max(1, int(np.ceil(width * abs(angle) / ANGLE - ROUND)))
+                shared[key] = _along_arc(ends[one], ends[other], width * angle, count)
+                shared[other, one, bulge < 0.0] = shared[key][::-1]
+            rows += [ends[one][None], shared[key]]
+        return np.concatenate(rows)[1:]
+
     chains = []
     for curve in curves:
         if curve.smooth:
             chains.append(_smooth_chain(curve, ends, near))
             continue
-        following = np.roll(curve.points, -1, axis=0)
-        last = len(curve.points) - 1
+        ring = as_ring(curve, curve.points)
         pieces = []
-        for k, (start, end) in enumerate(zip(curve.points, following, strict=True)):
+        for (start, end), bulge in zip(pairwise(ring), curve.bulges.tolist(), strict=False):
             pieces.append(start[None])
-            bulge = float(curve.bulges[k])
-            sagitta = 0.5 * abs(bulge) * float(np.linalg.norm(end - start))
-            if sagitta > near and (curve.closed or k < last):
-                pieces.append(_divided(start, end, bulge, ends, near, shared))
-        chains.append(np.concatenate(pieces))
+            if 0.5 * abs(bulge) * np.linalg.norm(end - start) > near:
+                pieces.append(divided(start, end, bulge))
+        chains.append(np.concatenate(pieces if curve.closed else [*pieces, ring[-1:]]))
     return chains
-
-
-def _divided(
-    start: Array,
-    end: Array,
-    bulge: float,
-    ends: Array,
-    near: float,
-    shared: dict[tuple[int, int, bool], Array],
-) -> Array:
-    """Corners between the ends of an arc, shape (corners, 2); `shared` are chords of two `ends`."""
-    angle = 4.0 * float(np.arctan(bulge))
-    along = end - start
-    across = np.array([-along[1], along[0]])
-    centre = 0.5 * (start + end + across / np.tan(0.5 * angle))
-    arm = start - centre
-    radius = float(np.linalg.norm(arm))
-    leaves = radius * (1.0 - np.cos(0.5 * min(abs(angle), ANGLE)))
-    off = np.abs(np.linalg.norm(ends - centre, axis=1) - radius)
-    on = np.flatnonzero(off <= max(near, ON_ARC * leaves))
-    turn = np.arctan2(*(ends[on] - centre).T[::-1]) - np.arctan2(arm[1], arm[0])
-    part = (np.sign(bulge) * turn) % (2.0 * np.pi) / abs(angle)
-    least = 1.5 * near / (radius * abs(angle))
-    order = np.argsort(part)
-    order = order[(part[order] > least) & (part[order] < 1.0 - least)]
-    first, last = (int(np.argmin(np.sum((ends - p) ** 2, axis=1))) for p in (start, end))
-    corners = [first, *on[order].tolist(), last]
-    widths = np.diff([0.0, *part[order].tolist(), 1.0])
-    rows = []
-    for (one, other), width in zip(pairwise(corners), widths.tolist(), strict=True):
-        key = (one, other, bulge > 0.0)
-        if key not in shared:
-            count = max(1, int(np.ceil(width * abs(angle) / ANGLE - ROUND)))
-            shared[key] = _along_arc(ends[one], ends[other], width * angle, count)
-            shared[other, one, bulge < 0.0] = shared[key][::-1]
-        rows += [ends[one][None], shared[key]]
-    return np.concatenate(rows)[1:]
 
 
 def _along_arc(start: Array, end: Array, angle: float, count: int) -> Array:
@@ -208,9 +198,8 @@ def _parts(curve: Curve) -> Iterator[Curve]:
             continue
         yield ring
         on = piece + 1 + int(np.linalg.norm(points[piece + 1] - points[0]) <= near)
-        rest = replace(
-            curve, points=np.concatenate([points[:1], points[on:]]), bulges=bulges[on - 1 :]
-        )
+        beyond = np.concatenate([points[:1], points[on:]])
+        rest = replace(curve, points=beyond, bulges=bulges[on - 1 :])
         if len(rest.points) > 1:
             chain = finely_divided(rest)
             places = np.concatenate([chain, 0.5 * (chain[:-1] + chain[1:])])
@@ -286,6 +275,8 @@ def snapped_curves(curves: Sequence[Curve], some: Sequence[int], reach: float) -
         some: Numbers of those that are lines of the structure.
         reach: Largest way of an end along its line, and distance within which ends become one.
     """
+    from scipy.spatial import cKDTree
+
     found = _extended(curves, some, _Ends.of(curves, some), reach)
     ends = _Ends.of(found, some)
     hangs = np.ones(len(ends.curve), dtype=bool)
@@ -297,9 +288,23 @@ def snapped_curves(curves: Sequence[Curve], some: Sequence[int], reach: float) -
     other = ends.curve[pairs.point] != owner[pairs.segment]
     hangs[pairs.point[other & (sine >= STEEP)]] = False
     corners = [curves[k].ends if curves[k].closed else curves[k].ends[1:-1] for k in some]
-    fixed = np.concatenate([ends.point[~hangs], *corners])
+    # Ends near each other get one place: a fixed one, an arc's end, which would become another arc,
+    # or the middle one.
+    count = int(hangs.sum())
+    every = np.concatenate([ends.point[hangs], ends.point[~hangs], *corners])
+    rank = np.full(len(every), 2)
+    rank[:count] = ends.angle[hangs] != 0.0
+    near = cKDTree(every).query_pairs(reach, output_type="ndarray")
+    label = connected(near[np.any(near < count, axis=1)], len(every))
+    order = np.argsort(label, kind="stable")
+    for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        own = members[members < count]
+        if len(members) > 1:
+            some_ends = members[rank[members] == rank[members].max()]
+            off = np.linalg.norm(every[some_ends] - every[own].mean(axis=0), axis=1)
+            every[own] = every[some_ends[np.argmin(off)]]
     points = ends.point.copy()
-    points[hangs] = _joined(points[hangs], fixed, ends.angle[hangs] != 0.0, reach)
+    points[hangs] = every[:count]
     found = ends.moved(found, points, ends.angle)
     ends = _Ends.of(found, some)
     touching = _Ends(*(getattr(ends, item.name)[~hangs] for item in fields(ends)))
@@ -339,28 +344,3 @@ def _extended(
     way[point] = ways[order][first]
     points = ends.point + way[:, None] * ends.along
     return ends.moved(curves, points, ends.angle * (1.0 + way / ends.length))
-
-
-def _joined(points: Array, fixed: Array, on_arc: Flags, reach: float) -> Array:
-    """Ends with one place for those near each other: a fixed one, an arc's end or the middle one.
-
-    Args:
-        points: The ends, shape (ends, 2).
-        fixed: Points that stay, shape (points, 2).
-        on_arc: Which ends are those of arcs, which would become other arcs, shape (ends,).
-        reach: Distance within which ends become one.
-    """
-    from scipy.spatial import cKDTree
-
-    every = np.concatenate([points, fixed])
-    rank = np.concatenate([np.where(on_arc, 1, 0), np.full(len(fixed), 2)])
-    pairs = cKDTree(every).query_pairs(reach, output_type="ndarray")
-    label = connected(pairs[np.any(pairs < len(points), axis=1)], len(every))
-    order = np.argsort(label, kind="stable")
-    for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
-        own = members[members < len(points)]
-        if len(members) > 1:
-            some = members[rank[members] == rank[members].max()]
-            off = np.linalg.norm(every[some] - every[own].mean(axis=0), axis=1)
-            every[own] = every[some[np.argmin(off)]]
-    return every[: len(points)]

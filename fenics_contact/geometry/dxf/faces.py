@@ -1,7 +1,8 @@
 """Faces of the planar graph that lines draw: the blocks between them.
 
 Lines are cut where they meet and cross; the parts are the edges of a planar graph. Its bounded
-faces are found by shapely (polygonize). Ends of lines that bound no face hang in the air.
+faces are found by shapely (polygonize). Ends of lines that bound no face hang in the air; those
+that stop short of a line miss it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from fenics_contact.geometry.outlines import (
     divided_segments,
+    outline_area,
     points_near_segments,
     snapped,
     undirected,
@@ -22,6 +24,12 @@ from fenics_contact.geometry.planar_cells import Array, Flags
 #: Faces thinner than so many times the distance of points that are the same are none: twice the
 #: area over the length of the outline is the thickness.
 SLIVER = 5.0
+#: Distance from an end to a line, over the root of the median face's area, below which the end
+#: misses the line.
+SHORT = 0.06
+#: Part of the area within a closed curve that no face between lines covers, from which it is a
+#: block of its own.
+ALONE = 0.9
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,7 @@ class Faces:
         edges: Parts of the lines, shape (edges, 2, 2).
         outer: Which edges have a face on one side only, shape (edges,).
         free: Edges that end in the air, that end first, shape (ends, 2, 2).
+        reach: Distance from an end to a line below which it misses the line.
     """
 
     outlines: list[Array]
@@ -41,6 +50,7 @@ class Faces:
     edges: Array
     outer: Flags
     free: Array
+    reach: float
 
 
 def faces_between(chains: Sequence[Array], near: float) -> Faces:
@@ -82,7 +92,47 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     free = np.concatenate([edges[alone[:, 0]], edges[alone[:, 1], ::-1]])
     outlines = [np.asarray(face.exterior.coords)[:-1] for face in faces]
     holes = np.array([len(face.interiors) > 0 for face in faces], dtype=bool)
-    return Faces(outlines, holes, edges, outer, free)
+    lengths = np.linalg.norm(free[:, 1] - free[:, 0], axis=1)
+    areas = [abs(outline_area(outline)) for outline in outlines]
+    size = float(np.sqrt(np.median(areas or np.max(lengths, initial=0.0) ** 2)))
+    return Faces(outlines, holes, edges, outer, free, SHORT * size)
+
+
+def missed_ends(faces: Faces, near: float, stub: float = 0.0) -> tuple[Array, Array]:
+    """Ends in the air, shape (ends, 2), and the distance of each to a line it stops short of.
+
+    Args:
+        faces: Faces between lines, with the edges that end in the air.
+        near: Distance within which points are the same.
+        stub: Length up to which a line that goes beyond another is no doubt.
+
+    Returns:
+        The ends, and the distances, infinite where no line is near, shape (ends,).
+    """
+    length = np.linalg.norm(faces.free[:, 1] - faces.free[:, 0], axis=1)
+    ends = faces.free[length > stub, 0]
+    pairs = points_near_segments(ends, faces.edges, faces.reach)
+    short = (pairs.distance > near) & (pairs.distance < 0.5 * length[length > stub][pairs.point])
+    distance = np.full(len(ends), np.inf)
+    np.minimum.at(distance, pairs.point[short], pairs.distance[short])
+    return ends, distance
+
+
+def bounds_faces(ring: Array, faces: Faces, near: float) -> bool:
+    """Whether a closed curve bounds blocks that the faces between lines alone lack.
+
+    Lines end on it that would end in the air, or it goes around next to no face.
+    """
+    from shapely.geometry import Polygon
+    from shapely.ops import unary_union
+
+    ends, missed = missed_ends(faces, near)
+    sides = np.stack([ring[:-1], ring[1:]], axis=1)
+    if len(points_near_segments(ends[np.isinf(missed)], sides, faces.reach).point):
+        return True
+    whole = Polygon(ring).buffer(0.0)
+    rest = whole.difference(unary_union([Polygon(outline) for outline in faces.outlines]))
+    return bool(rest.area > ALONE * whole.area)
 
 
 def on_lines(edges: Array, chains: Sequence[Array], near: float) -> Flags:

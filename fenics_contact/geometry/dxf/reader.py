@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, require
 from fenics_contact.geometry.planar_cells import Array
 
 #: Length of the units of a drawing, m, by name, and by number in DXF ($INSUNITS).
@@ -107,21 +107,17 @@ def read_curves(path: Path, unit: str | None) -> Curves:
     logger.propagate = False
     try:
         document = _open_dxf(path)
-        given = unit is not None
-        unit = unit or DXF_UNITS.get(document.units, "")
-        if unit not in UNITS:
-            known = ", ".join(UNITS)
-            raise InputError(
-                f"{source} does not say its unit; give one of {known}, as in --unit mm"
-            )
-        found = Curves(source, unit, given)
+        known = unit or DXF_UNITS.get(document.units) or ""
+        text = f"does not say its unit; give one of {', '.join(UNITS)}, as in --unit mm"
+        require(known in UNITS, f"{source} {text}")
+        found = Curves(source, known, unit is not None)
         parts = _Parts(document, source)
         for entity, layer in parts.visible():
             kind = entity.dxftype()
             curve = _curve(entity, layer, source) if kind in KINDS else None
             size = 0.0 if curve is None else np.abs(curve.points).max()
             where = f"{kind} on layer '{layer}'"
-            much = f"a coordinate of {size:g} {unit}"
+            much = f"a coordinate of {size:g} {known}"
             if curve is None:
                 parts.left_out[
                     f"{kind} of no length on layer '{layer}'" if kind in KINDS else kind
@@ -152,8 +148,8 @@ def _open_dxf(path: Path) -> Any:
     except ImportError:
         problem = "to read DXF drawings install python3-ezdxf and python3-shapely (Debian)"
         raise InputError(f"{problem}, or pip install ezdxf shapely") from None
-    if not path.is_file():
-        raise InputError(f"'{path}' does not exist or is no file; give the path of a DXF file")
+    text = "does not exist or is no file; give the path of a DXF file"
+    require(path.is_file(), f"'{path}' {text}")
     try:
         return ezdxf.readfile(path)
     except OSError as error:  # ezdxf's own word for a file of another kind, too
@@ -248,11 +244,8 @@ class _Parts:
 
     def _add(self, count: int) -> None:
         self._count += count
-        if self._count > PARTS:
-            raise InputError(
-                f"{self._source} has more than {PARTS} entities with its inserted blocks;"
-                " delete what is no block of the structure"
-            )
+        text = "entities with its inserted blocks; delete what is no block of the structure"
+        require(self._count <= PARTS, f"{self._source} has more than {PARTS} {text}")
 
 
 def _curve(entity: Any, layer: str, source: str) -> Curve | None:
@@ -261,18 +254,14 @@ def _curve(entity: Any, layer: str, source: str) -> Curve | None:
     try:
         with np.errstate(all="ignore"):
             points, bulges, closed = _pieces(entity)
-        reason = ""
-        if not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges)):
-            reason = "a coordinate is no number"
-        elif np.any(np.abs(bulges) > BULGE):
-            reason = f"an arc has a bulge of {np.abs(bulges).max():g}"
+        finite = np.all(np.isfinite(points)) and np.all(np.isfinite(bulges))
+        require(bool(finite), "a coordinate is no number")
+        most = np.abs(bulges).max(initial=0.0)
+        require(most <= BULGE, f"an arc has a bulge of {most:g}")
     except Exception as error:  # damaged entities fail anywhere in ezdxf
-        reason = str(error) or type(error).__name__
-    if reason:
-        raise InputError(
-            f"{source}: the {kind} on layer '{layer}' cannot be read: {reason}; delete it or draw"
-            " it anew"
-        )
+        reason = f"{str(error) or type(error).__name__}; delete it or draw it anew"
+        text = f"the {kind} on layer '{layer}' cannot be read: {reason}"
+        raise InputError(f"{source}: {text}") from None
     if len(points) > 2 and not closed:
         size = np.linalg.norm(np.ptp(points, axis=0))
         if np.linalg.norm(points[0] - points[-1]) <= 1e-6 * size:

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fenics_contact.errors import InputError, check_types
+from fenics_contact.errors import check_types, require
 from fenics_contact.geometry.dxf.curves import as_ring
 from fenics_contact.geometry.dxf.faces import faces_between
 from fenics_contact.geometry.dxf.reader import Curve, Curves
@@ -82,15 +82,13 @@ class LayerRoles:
         for role in ("blocks", "lines", "voids", "ignore"):
             for pattern in getattr(self, role):
                 named = [name for name in known if fnmatchcase(name.lower(), pattern.lower())]
-                if not named and role != "ignore":  # texts are on layers without curves
-                    raise InputError(
-                        f"{source} has no lines on a layer '{pattern}'; it has {', '.join(known)}"
-                    )
+                text = f"has no lines on a layer '{pattern}'; it has {', '.join(known)}"
+                there = bool(named) or role == "ignore"  # texts are on layers without curves
+                require(there, f"{source} {text}")
                 for name in named:
-                    if roles.setdefault(name, role) != role:
-                        raise InputError(
-                            f"layer '{name}' is given as {roles[name]} and as {role}; give one"
-                        )
+                    other = roles.setdefault(name, role)
+                    text = f"layer '{name}' is given as {other} and as {role}; give one"
+                    require(other == role, text)
         return roles
 
 
@@ -111,11 +109,6 @@ class CurveRoles:
     voids: list[int] = field(default_factory=list)
     sides: list[int] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-
-    @property
-    def bounding(self) -> list[int]:
-        """Curves that may bound blocks."""
-        return [*self.lines, *self.voids, *self.blocks]
 
 
 def curve_roles(
@@ -144,17 +137,17 @@ def curve_roles(
                 roles.notes.append(
                     f"{text} by its name: layer '{layer}' (else give it with --blocks or --lines)"
                 )
-    left = [k for k, curve in enumerate(curves) if by_layer.get(curve.layer) != "ignore"]
-    symbols = {
-        k: curves[k].kind
-        for k in left
-        if curves[k].closed and curves[k].kind in SYMBOLS and curves[k].layer not in by_layer
-    }
+    kinds = Counter[str]()
+    left = []
+    for k, curve in enumerate(curves):
+        if curve.closed and curve.kind in SYMBOLS and curve.layer not in by_layer:
+            kinds[curve.kind] += 1
+        elif by_layer.get(curve.layer) != "ignore":
+            left.append(k)
     roles.notes += [
         f"left out: {count} closed {kind} (else give the layer with --blocks)"
-        for kind, count in Counter(symbols.values()).items()
+        for kind, count in kinds.items()
     ]
-    left = [k for k in left if k not in symbols]
     left = _without_frames(found, chains, left, named, roles.notes)
     may_be_blocks = ("blocks",) if given.blocks else _BLOCKS
     closed = [

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.errors import InputError
-from fenics_contact.geometry.dxf.blocks import DxfContents
-from fenics_contact.geometry.meshing import lowest_level
+from fenics_contact.errors import require
+from fenics_contact.geometry.dxf.blocks import LEVEL, DxfContents
+from fenics_contact.geometry.meshing import ground_level
 from fenics_contact.geometry.outlines import (
     divided_outlines,
     sides_of_outlines,
@@ -61,11 +61,11 @@ def with_ground(read: DxfContents) -> tuple[DxfContents, GroupRoles]:
     """A drawing with a group for the ground, which is "base" if none was drawn; its groups' roles.
 
     The ground is the layers with such a name along which no two blocks touch; else those that lie
-    on the lowest level as a whole; else "base" is the lowest level. Of layers that share sides the
+    on the ground level as a whole; else "base" is the ground level. Of layers that share sides the
     first is taken.
 
     Raises:
-        InputError: If no layer has the name of a ground, and no side lies on the lowest level.
+        InputError: If no layer has the name of a ground, and no side lies on that level.
     """
     drawing = read.drawing
     blocks, near = divided_outlines(list(drawing.blocks), drawing.groups)
@@ -83,18 +83,15 @@ def with_ground(read: DxfContents) -> tuple[DxfContents, GroupRoles]:
         if not taken[on[name]].any():
             ground.append(name)
             taken |= on[name]
-    why = "the lowest level" if set(ground) <= set(level) else "by its name"
+    why = LEVEL if set(ground) <= set(level) else "by its name"
     joints = [name for name in on if shared[on[name]].all()]
     edges = [name for name in free if not taken[on[name]].any()]
     if not ground:
         ground = ["base"]
-        drawing = drawing.with_group("base", *lowest_level(list(drawing.blocks))["base"])
+        drawing = drawing.with_group("base", *ground_level(list(drawing.blocks))["base"])
         length = drawing.lengths()["base"]
-        if "base" in on or length == 0.0:
-            raise InputError(
-                "no layer is the ground on which the structure stands: draw lines there on a layer"
-                " 'ground'"
-            )
+        text = "no layer is the ground on which the structure stands: draw lines there on a layer"
+        require("base" not in on and length > 0.0, f"{text} 'ground'")
         read = replace(read, drawing=drawing, lengths={**read.lengths, "base": length})
     return read, GroupRoles(ground, why, joints, edges)
 
