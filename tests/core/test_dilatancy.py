@@ -91,6 +91,7 @@ def test_with_the_angle_of_friction_the_load_factor_is_the_associative_one(wall)
     assert result.load_factor == pytest.approx(associative, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_variants_and_methods_agree_on_a_wall():
     """Mirrored, stiffer, of degree 2, and by the fixed point on the bound."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, Load, Material, Scene, SolveOptions, limit_load
+from fenics_contact import BlockMesh, LimitLoad, Load, Material, Scene, SolveOptions, limit_load
 from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
@@ -45,12 +46,18 @@ def stones(mirrored: bool = False, **options: object) -> Scene:
     )
 
 
+@cache
+def solved(**options: object) -> LimitLoad:
+    """The limit load of the five stones."""
+    return limit_load(stones(**options))
+
+
 #: The least load factor with a gap of 1e-4, against a state of gap 0.
 NEAR = 5e-4
 
 
 def test_a_lower_state_is_told_with_its_gap():
-    result = limit_load(stones())
+    result = solved()
     end = result.positive
     assert end.load_factor == pytest.approx(HIGH, rel=1e-5)
     assert end.lowest.status == "lower" and 0.0 <= end.lowest.gap <= 1.5e-4
@@ -74,7 +81,7 @@ def test_a_lower_state_of_the_reversed_load(direction):
 
 
 def test_the_lowest_is_the_load_factor_where_it_is_asked_for():
-    end = limit_load(stones(states="lowest")).positive
+    end = solved(states="lowest").positive
     assert end.status == "limit" and end.certificate.passed
     assert (end.engine, end.lowest.status) == ("faces", "lower")
     assert end.load_factor == end.lowest.load_factor == pytest.approx(LOW, rel=NEAR)
@@ -83,7 +90,7 @@ def test_the_lowest_is_the_load_factor_where_it_is_asked_for():
 
 
 def test_the_lowest_state_does_not_collapse_at_its_load_factor():
-    result = limit_load(stones(states="lowest"))
+    result = solved(states="lowest")
     record = result_record(result)
     for text in (summary(result), answer(record), record["ends"]["positive"]["proof"]):
         assert "lowest collapse state found, with any self-stress in the blocks, is at" in text
@@ -121,7 +128,7 @@ def test_what_is_not_looked_for():
 @pytest.mark.mpi
 @pytest.mark.parametrize("options", [{}, {"states": "lowest"}], ids=str)
 def test_ranks_agree_on_states(options):
-    together = limit_load(stones(**options)).positive
+    together = solved(**options).positive
     factors = [state.load_factor for state in together.states]
     assert sorted(factors) == pytest.approx([LOW, HIGH], rel=NEAR)
     assert all(found == factors for found in MPI.COMM_WORLD.allgather(factors))

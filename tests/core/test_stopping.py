@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
+from fenics_contact import InputError, OutputOptions, SolveOptions, equilibrium, limit_load
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.history import CapacityPoint
@@ -146,13 +146,14 @@ def engine_stopped_after(asks: int, name: str = "W3", gap: float = 1e-12):
     """A search of the face engine for a gap that it never reaches, stopped in the end."""
     scene = wall_recipe(name, replace(coulomb(0.65), compressive_strength=1e6)).scene(1)
     options = SolveOptions(fast=True, engine="faces", gap=gap)
-    return limit_load(replace(scene, solve=options), stop=Asked(asks))
+    output = OutputOptions(pictures=False)
+    return limit_load(replace(scene, solve=options, output=output), stop=Asked(asks))
 
 
 def test_the_best_certified_state_is_the_result_of_a_stopped_search(folder):
     """However late it is stopped: first there is none, then always one."""
     gaps = []
-    for asks in (0, 1, 2, 4, 8, 16):
+    for asks in (0, 2, 4, 8, 16):
         found = engine_stopped_after(asks)
         assert found.stopped == "stopped by a test"
         found.write(folder / str(asks))
