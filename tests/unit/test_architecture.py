@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -215,3 +216,17 @@ def test_the_face_has_no_other_names():
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = fenics_contact.nothing
     assert [name for name in fenics_contact.__all__ if not hasattr(fenics_contact, name)] == []
+
+
+def test_all_folders_are_installed():
+    """With what is no Python in them."""
+    tables = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folders = {path.parent.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.py")}
+    assert {".".join(path.parts) for path in folders} == set(tables["packages"])
+    data = {
+        PACKAGE.parent.joinpath(*k.split("."), n)
+        for k, v in tables["package-data"].items()
+        for n in v
+    }
+    others = {path for path in PACKAGE.rglob("*.*") if path.suffix not in (".py", ".pyc")}
+    assert {path for path in others if path.is_file()} == data
