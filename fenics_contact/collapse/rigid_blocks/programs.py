@@ -34,10 +34,10 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.collapse.rigid_blocks.lower_end import lower_end
 from fenics_contact.collapse.rigid_blocks.model import (
     BlockModel,
     LinearProgram,
+    lower_end,
     wedging_forces,
 )
 from fenics_contact.discretization.layout import Layout
