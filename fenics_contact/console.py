@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import floor_strips
-from fenics_contact.results.bounds import WITHOUT_PATH
-from fenics_contact.results.history import CapacityPoint, Pass, Step, TracePoint
-from fenics_contact.results.result import Collapse, Result, skipped
+from fenics_contact.results.bounds import WITHOUT_PATH, counted
+from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.result import Answer, Collapse, Result, skipped
 from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
 from fenics_contact.scene.scene import JointLaw, Tie
 from fenics_contact.scene.units import Units
@@ -54,10 +53,10 @@ class Progress:
         known = upper is not None and math.isfinite(upper) and upper != 0.0
         share = point.load_factor / upper if upper and known else 0.0
         bound = f" of at most {upper:.6g}" if known else ""
-        text = (
-            f"{point.phase}  load factor {point.load_factor:.6g}{bound}"
-            f"  displacement {_moved(point.displacement)}"
-        )
+        size = abs(point.displacement)
+        moved = f"{1e3 * point.displacement:.3g} mm" if size < 1.0 else "above 1 km"
+        moved = f"{point.displacement:.3g} m" if 1.0 <= size < 1e3 else moved
+        text = f"{point.phase}  load factor {point.load_factor:.6g}{bound}  displacement {moved}"
         self._show(direction, min(max(share, 0.0), 1.0), text)
 
     def step(self, direction: str, step: Step) -> None:
@@ -135,7 +134,10 @@ class SweepProgress:
             self._before = done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
-            values = ", ".join(f"{key} = {_short(value)}" for key, value in point.values.items())
+            values = ", ".join(
+                f"{key} = {f'{value:.6g}' if isinstance(value, float) else value}"
+                for key, value in point.values.items()
+            )
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
@@ -150,22 +152,6 @@ class SweepProgress:
             sys.stdout.flush()
 
 
-def _moved(displacement: float) -> str:
-    """A displacement, from m: in mm as far as it is small."""
-    if abs(displacement) < 1.0:
-        return f"{1e3 * displacement:.3g} mm"
-    return f"{displacement:.3g} m" if abs(displacement) < 1e3 else "above 1 km"
-
-
-def _short(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def counted(number: int, noun: str) -> str:
-    """A number with its noun, in the plural where that is due."""
-    return f"{number} {noun}{'s' * (number != 1)}"
-
-
 def summary(result: Result) -> str:
     """Load factor, bracket and verification of a result, in a few lines."""
     if result.status == "unstable":
@@ -178,7 +164,13 @@ def summary(result: Result) -> str:
         lines += tension_lines(tie_arrays(result.layout, end.joints), units)
     lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
     lines += [str(result.curve_end)] if result.curve_end else []
-    lines += map(_pass_line, result.passes)
+    for one in result.passes:  # on the way to the accuracy wished
+        hinges = ", point hinges" if one.hinges == "points" else ""
+        estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
+        lines.append(
+            f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
+            f" load factor {one.load_factor:.6g}, error {estimate}"
+        )
     if result.inaccurate:
         lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
@@ -202,13 +194,16 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
     status = end.status.replace("_", " ").upper()
+    listed = reason.replace("; ", "\n  ")  # what was tried in lines of their own
     found = end.state is not None and not np.isnan(end.load_factor)
     if end.certificate is None or not found or end.status == "no_equilibrium":
-        return [f"{name}: {status}, {_listed(reason)}", *_known_bracket(end)]
+        known = end.bounds.lower is not None or end.bounds.upper is not None
+        bracket = [f"bracket: {end.bounds}, whatever was found"] if known else []
+        return [f"{name}: {status}, {listed}", *bracket]
     first = f"{name} = {end.load_factor:.8g}   bracket: {end.bounds}"
     certificate = end.certificate
     if end.status != "limit":
-        return [first, f"{status}: this is not a limit load; {_listed(reason)}"]
+        return [first, f"{status}: this is not a limit load; {listed}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
     if end.bounds.meet and not end.changes_blocks and not end.rolling:
         first += "; no other collapse state exists"
@@ -221,28 +216,6 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         *(line for answer in end.told for line in answer.lines(end, units)),
         *(f"warning: {text}" for text in (end.pressed, end.contradiction) if text),
     ]
-
-
-def _listed(reason: str) -> str:
-    """A reason, and what was tried in lines of their own."""
-    return reason.replace("; ", "\n  ")
-
-
-def _known_bracket(end: Collapse) -> list[str]:
-    """Where the load factor lies although none was found."""
-    if end.bounds.lower is None and end.bounds.upper is None:
-        return []
-    return [f"bracket: {end.bounds}, whatever was found"]
-
-
-def _pass_line(one: Pass) -> str:
-    """What was found on the way to the accuracy wished."""
-    hinges = ", point hinges" if one.hinges == "points" else ""
-    estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
-    return (
-        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
-        f" load factor {one.load_factor:.6g}, error {estimate}"
-    )
 
 
 def description(layout: Layout) -> str:
@@ -259,18 +232,27 @@ def description(layout: Layout) -> str:
         f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
         f" supports), {cells} cells, {layout.size} displacements,"
         f" area {layout.bodies_area():.6g} m2",
-        *_joint_lines(layout.joints.without_ties(), units),
-        *_tie_lines(scene.ties, units),
     ]
+    joints = layout.joints.without_ties()
+    for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
+        mine = joints.law == number
+        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
+        lines.append(
+            f"{kind} {name}: {_law_text(law, units)}, {int(mine.sum())} points,"
+            f" length {units.length(joints.length[mine].sum())}"
+        )
+    lines += [f"tie {name}: {_tie_text(tie, units)}" for name, tie in scene.ties.items()]
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()
         lines.append(f"support {name}: {kind}, length {units.length(length)}")
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
         lines.append(f"{name} load: resultant {units.forces(forces[:, :2].sum(axis=0))}")
-    if scene.live.profile != "uniform":
-        lines.append(f"live body force over the height: {_profile_text(scene.live.profile)}")
-    if scene.seismic is not None:
-        lines.append(f"seismic check with FC = {scene.seismic.confidence_factor:g}")
+    profile = scene.live.profile
+    if profile != "uniform":
+        if not isinstance(profile, str):
+            profile = ", ".join(f"{factor:g} at {height:g} m" for height, factor in profile)
+        lines.append(f"live body force over the height: {profile}")
+    lines += [text for kind in Answer.kinds.values() if (text := kind.asked_by(scene))]
     for name, strips in floor_strips(scene, boundary).items():
         floor = scene.floors[name]
         lies = f"{units.text(floor.force, 'N/m2')} on {units.length(strips.length(boundary).sum())}"
@@ -282,63 +264,30 @@ def description(layout: Layout) -> str:
     return "\n".join(lines)
 
 
-def _joint_lines(joints: Joints, units: Units) -> list[str]:
-    lines = []
-    for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
-        mine = joints.law == number
-        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
-        lines.append(
-            f"{kind} {name}: {_law_text(law, units)}{_bond_text(law, units)}"
-            f"{_gap_text(law, units)}, {int(mine.sum())} points,"
-            f" length {units.length(joints.length[mine].sum())}"
-        )
-    return lines
-
-
-def _tie_lines(ties: Mapping[str, Tie], units: Units) -> list[str]:
-    """What ties carry, as given."""
-    lines = []
-    for name, tie in ties.items():
-        ground = _end_text(tie.ground, units)
-        end = f"the ground at {ground}" if tie.ground else _end_text(tie.to, units)
-        per = "N" if tie.spacing else "N/m"
-        stretches = f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
-        stress = f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
-        apart = f", every {units.length(tie.spacing)}" if tie.spacing else ""
-        ends = f"from {_end_text(tie.from_, units)} to {end}"
-        yields = f"yield {units.text(tie.yield_, per)}"
-        lines.append(f"tie {name}: {ends}, {yields}{stretches}{stress}{apart}")
-    return lines
-
-
-def _profile_text(profile: tuple[tuple[float, float], ...] | str) -> str:
-    """A profile: its name, or factors and heights above the foot."""
-    if isinstance(profile, str):
-        return profile
-    return ", ".join(f"{factor:g} at {height:g} m" for height, factor in profile)
-
-
-def _end_text(end: tuple[float, float] | str | None, units: Units) -> str:
-    if isinstance(end, tuple):
-        return units.place(end, 6).removesuffix(" m")
-    return f"{end}"
-
-
-def _gap_text(law: JointLaw, units: Units) -> str:
-    return f", gaps up to {units.length(law.gap)}" if law.gap else ""
-
-
-def _bond_text(law: JointLaw, units: Units) -> str:
-    strength = law.tensile_strength
-    tension = f", tensile strength {units.stress(strength)}" if strength else ""
-    return tension + ", strength lost where it opens" * law.loses
-
-
 def _law_text(law: JointLaw, units: Units) -> str:
-    if law.law == "coulomb":
-        cohesion = f", cohesion {units.stress(law.cohesion)}" if law.cohesion else ""
-        dilatancy = f", dilatancy {law.dilatancy:g} degrees" if law.dilatancy else ""
-        return f"Coulomb friction {law.friction:g}{cohesion}{dilatancy}"
+    """Friction, strengths and gaps of a joint, as given."""
+    text = "frictionless"
     if law.law == "tresca":
-        return f"shear strength {units.stress(law.bound or 0.0)}"
-    return "frictionless"
+        text = f"shear strength {units.stress(law.bound or 0.0)}"
+    elif law.law == "coulomb":
+        text = f"Coulomb friction {law.friction:g}"
+        text += f", cohesion {units.stress(law.cohesion)}" if law.cohesion else ""
+        text += f", dilatancy {law.dilatancy:g} degrees" if law.dilatancy else ""
+    strength = law.tensile_strength
+    text += f", tensile strength {units.stress(strength)}" if strength else ""
+    text += ", strength lost where it opens" * law.loses
+    return text + (f", gaps up to {units.length(law.gap)}" if law.gap else "")
+
+
+def _tie_text(tie: Tie, units: Units) -> str:
+    """Ends of a tie, and what it carries, as given."""
+    ends = [
+        units.place(end, 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
+        for end in (tie.from_, tie.ground or tie.to)
+    ]
+    per = "N" if tie.spacing else "N/m"
+    text = f"from {ends[0]} to {'the ground at ' if tie.ground else ''}{ends[1]}"
+    text += f", yield {units.text(tie.yield_, per)}"
+    text += f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
+    text += f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
+    return text + (f", every {units.length(tie.spacing)}" if tie.spacing else "")

@@ -29,8 +29,8 @@ from fenics_contact.discretization.warnings import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
+from fenics_contact.output.files import write_service_state
 from fenics_contact.output.pictured import Pictured
-from fenics_contact.output.state_files import write_service_state
 from fenics_contact.output.view import NO_LOAD, Caption, View, view_of
 from fenics_contact.results.result import ServiceState
 from fenics_contact.results.values import (

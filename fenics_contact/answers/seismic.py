@@ -24,7 +24,7 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.values import mechanism
-from fenics_contact.scene.scene import Seismic
+from fenics_contact.scene.scene import Scene, Seismic
 from fenics_contact.scene.units import Units
 
 #: Title of its table.
@@ -70,6 +70,12 @@ class SeismicAnswer(Asked):
     def concerns(cls, question: Question) -> bool:
         """Whether the scene asks for the check."""
         return question.case.discretization.scene.seismic is not None
+
+    @classmethod
+    def asked_by(cls, scene: Scene) -> str:
+        """The factor of the code, where the scene asks for the check."""
+        asked = scene.seismic
+        return "" if asked is None else f"seismic check with FC = {asked.confidence_factor:g}"
 
     @classmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:

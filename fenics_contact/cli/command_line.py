@@ -17,7 +17,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fenics_contact.errors import BAD_INPUT, FAILED, INTERRUPTED, ContactError, SolverError
+from fenics_contact.errors import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    ContactError,
+    SolverError,
+    raised_together,
+)
 from fenics_contact.requirements import missing_requirements
 from fenics_contact.version import __version__
 
@@ -98,12 +105,46 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _command(name: str) -> Command:
     """What a command does, imported only now: to parse a command line takes a tenth of the time."""
     gc.disable()
-    module = "drawings" if name == "mesh" else "commands"
-    found: Command = getattr(import_module(f"fenics_contact.cli.{module}"), name)
+    found: Command = _mesh
+    if name != "mesh":
+        found = getattr(import_module("fenics_contact.cli.commands"), name)
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc, just imported, ends the program at it
     return found
+
+
+def _mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Mesh a drawing on rank 0 and say what was made; it needs no solver."""
+    from fenics_contact.geometry.dxf.command import MeshOrder, mesh_drawing
+    from fenics_contact.geometry.dxf.roles import LayerRoles
+
+    layers = {
+        role: tuple(
+            name.strip()
+            for text in getattr(options, role)  # names with commas between them, or one by one
+            for name in text.split(",")
+            if name.strip()
+        )
+        for role in ("blocks", "lines", "voids", "ignore")
+    }
+    order = MeshOrder(
+        options.drawing,
+        options.output,
+        options.size,
+        options.unit,
+        LayerRoles(**layers),
+        options.picture,
+        options.scene,
+        options.close,
+        options.snap,
+    )
+    with raised_together(comm):
+        if comm.rank == 0:
+            lines = mesh_drawing(order).lines
+            if not options.quiet:
+                print("\n".join(lines))
+    return 0
 
 
 class _Output:

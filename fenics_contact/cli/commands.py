@@ -14,17 +14,11 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from fenics_contact.console import (
-    Progress,
-    ProgressBar,
-    SweepProgress,
-    counted,
-    description,
-    summary,
-)
+from fenics_contact.console import Progress, ProgressBar, SweepProgress, description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, InputError, raised_together
 from fenics_contact.limit_load import limit_load
+from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
 
 #: Signals that end a run early, with what is known by then; the exit code is this and the number.
@@ -111,8 +105,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the limit loads of a scene over values of its keys."""
-    from fenics_contact.sweeps.parameters import Family, Parameter
-    from fenics_contact.sweeps.points import WRONG_INPUT
+    from fenics_contact.sweeps.points import WRONG_INPUT, Family, Parameter
     from fenics_contact.sweeps.sweep import run_sweep
 
     loud = comm.rank == 0 and not options.quiet

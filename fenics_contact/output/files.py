@@ -1,38 +1,53 @@
-"""Files of a result: result.json, ParaView files, pictures, the capacity curve as a table."""
+"""Files of a result or of one state: result.json, ParaView files, pictures, tables."""
 
 from __future__ import annotations
 
 import csv
 import json
+import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fenics_contact.output.fields import write_blocks, write_joints, write_series
-from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
-from fenics_contact.output.plotting import draw_scene, save_capacity
+from fenics_contact import compat
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.layout import Layout
+from fenics_contact.errors import plain
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.output.fields import stress_raster, write_blocks, write_joints, write_series
+from fenics_contact.output.folder import DrawingError, drawing, filled_at_once, going_on, writing
+from fenics_contact.output.plotting import (
+    Draw,
+    draw_forces,
+    draw_marked,
+    draw_mode,
+    draw_scene,
+    draw_stress,
+    draw_thrust,
+    save,
+    save_capacity,
+    whole_thrust,
+)
 from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
-from fenics_contact.output.state_files import (
-    Record,
-    draw_blocks,
-    draw_pictures,
-    draw_state,
-    origin_record,
-    picture_paths,
-    short_title,
-    strict,
-    tie_records,
-)
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
-from fenics_contact.results.result import Answer, Collapse, Result, Table
-from fenics_contact.results.values import mechanism, tie_arrays
+from fenics_contact.results.certificate import tolerances
+from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
+from fenics_contact.results.values import (
+    NamedArrays,
+    TieState,
+    falling_blocks,
+    mechanism,
+    tie_arrays,
+)
+from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.units import rounded_alike
+from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -42,6 +57,42 @@ BRACKET = ("lower", "upper", "frictionless", "meet")
 
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
+#: Characters of a title that a picture has room for.
+LONGEST_TITLE = 60
+#: Units by key; keys without one have numbers without unit, or words.
+UNITS: Mapping[str, str] = {
+    "young": "Pa",
+    "density": "kg/m3",
+    "bound": "Pa",
+    "cohesion": "Pa",
+    "gap": "m",
+    "dilatancy": "degrees",
+    "tensile_strength": "Pa",
+    "compressive_strength": "Pa",
+    "body": "m/s2",
+    "traction": "Pa",
+    "tilt": "degrees",
+    "force": "N per metre of thickness",
+    "yield": "N per metre of thickness, N with a spacing",
+    "stiffness": "N/m per metre of thickness, N/m with a spacing",
+    "prestress": "N per metre of thickness, N with a spacing",
+    "spacing": "m",
+    "x": "m",
+    "y": "m",
+    "level": "m",
+    "unit_weight": "N/m3",
+    "surcharge": "Pa",
+    "wall_friction": "degrees",
+    "displacement": "m",
+    "rotation": "degrees",
+    "length": "m",
+    "width": "m",
+    "height": "m",
+    "area": "m2",
+    "resultants": "N per metre of thickness",
+}
+
+Record = dict[str, Any]
 
 
 def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambda: False) -> None:
@@ -57,7 +108,6 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
     """
     start = time.perf_counter()
     comm = result.scene.comm
-    options = result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
         lost = _write_fields(result, hidden, hurry)
         left_out = (*lost, *((SKIPPED_FILES,) if hurry() else ()))
@@ -66,10 +116,15 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
         record = strict(result_record(result))
         with writing(comm):
             if comm.rank == 0:
-                record["files"] = sorted(path.name for path in hidden.iterdir())
-                (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
-                if options.report:
+                _write_record(record, hidden)
+                if result.scene.output.report:
                     write_report(hidden)
+
+
+def _write_record(record: Record, folder: Path) -> None:
+    """Write result.json with the names of the files beside it, on this rank."""
+    record["files"] = sorted(path.name for path in folder.iterdir())
+    (folder / RECORD).write_text(json.dumps(record, indent=2) + "\n")
 
 
 def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> list[str]:
@@ -79,42 +134,57 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> li
         Which pictures could not be drawn, and why.
     """
     comm = result.scene.comm
+    layout = result.layout
     options = result.scene.output
     lost: list[str] = []
+    views: dict[str, View] = {}
     if result.fall is not None and options.pictures and not hurry():
         title = "does not stand under its dead load"
         with going_on(lost):
             path = folder / "collapse"
-            fall = draw_blocks(result.layout, result.falling, result.fall, title, path)
-            _write_motions(result, {"fall": fall}, folder)
-    views: dict[str, View] = {}
+            views["fall"] = draw_blocks(layout, result.falling, result.fall, title, path)
     for direction, end in result.ends.items():
-        if options.pictures and not hurry():
-            shown = _draw_collapse(result, direction, folder, lost)
-            views |= {direction: shown} if shown else {}
-        if options.paraview and not hurry():
-            _write_collapse(result, direction, end, folder)
+        negative = direction == "negative"
+        suffix = "_negative" if negative and len(result.ends) == 2 else ""
+        reversal = ", live load reversed" if negative else ""
+        sign = -1.0 if negative else 1.0
+        pictures = options.pictures and not hurry()
+        if end.status == "unbounded":
+            title = f"unbounded, these blocks wedge{reversal}"
+            path = folder / f"collapse{suffix}"
+            if pictures:
+                with going_on(lost):
+                    draw_blocks(layout, result.wedged(end), None, title, path, sign)
+        elif end.state is not None and end.mode is not None and end.joints is not None:
+            state = layout.with_imposed(end.state)
+            if pictures:
+                view = view_of(layout, end.mode, end.joints, sign)
+                view = replace(view, caption=caption_of(end.status, end.engine))
+                views[direction] = view
+                title = _title(end, reversal)
+                with going_on(lost):
+                    draw_state(layout, view, state.elastic, title, folder, "collapse", suffix)
+            if options.paraview and not hurry():
+                path = folder / f"blocks{suffix}.pvd"
+                write_blocks(path, layout, state.displacement, state.elastic, end.mode)
+                path = folder / f"joints{suffix}.vtu"
+                write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
     if options.pictures and not hurry():
-        _write_motions(result, views, folder)
-        view = next(iter(views.values())) if views else view_of(result.layout)
+        with writing(comm):
+            if comm.rank == 0 and views:  # how the blocks move, for the slider of the report
+                motions = {name: motion_record(view) for name, view in views.items()}
+                (folder / MOTION).write_text(json.dumps(motions, separators=(",", ":")) + "\n")
+        falls = result.fall is not None
+        view = view_of(layout) if falls or not views else next(iter(views.values()))
         draw = partial(draw_scene, scene=result.scene)
         with going_on(lost):
-            draw_pictures(result.scene, view, "", {folder / "scene": [draw]})
+            draw_pictures(result.scene, view, "", {folder / "scene": draw})
     with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
-        write_series(folder / "capacity.pvd", result.layout, result.capacity)
+        write_series(folder / "capacity.pvd", layout, result.capacity)
     return lost
-
-
-def _write_motions(result: Result, views: Mapping[str, View], folder: Path) -> None:
-    """How the blocks move, by direction, for the slider of the report. Collective."""
-    comm = result.scene.comm
-    with writing(comm):
-        if comm.rank == 0 and views:
-            records = {name: motion_record(view) for name, view in views.items()}
-            (folder / MOTION).write_text(json.dumps(records, separators=(",", ":")) + "\n")
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -127,54 +197,10 @@ def _write_capacity(result: Result, folder: Path) -> None:
             table.writerow([p.displacement, factor, p.work, int(p.converged)])
     end = result.collapse
     if result.scene.output.pictures and end is not None:
-        title = short_title(result.scene.title)
+        title = plain(result.scene.title, LONGEST_TITLE)
         paths = picture_paths(result.scene, folder / "capacity")
         with drawing("capacity"):
             save_capacity(result.capacity, end, title, paths)
-
-
-def _suffix(result: Result, direction: str) -> str:
-    """What names of files of one end have behind them."""
-    return "_negative" if direction == "negative" and len(result.ends) == 2 else ""
-
-
-def _draw_collapse(result: Result, direction: str, folder: Path, lost: list[str]) -> View | None:
-    """Pictures of one end; where nothing limits the load, of what wedges. Collective.
-
-    Returns:
-        What the pictures show; None where there is no collapse mode. Those that cannot be drawn are
-        added to `lost`.
-    """
-    layout = result.layout
-    end = result.ends[direction]
-    first = folder / f"collapse{_suffix(result, direction)}"
-    sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
-    if end.status == "unbounded":
-        title = f"unbounded, these blocks wedge{reversal}"
-        with going_on(lost):
-            draw_blocks(layout, result.wedged(end), None, title, first, sign)
-        return None
-    if end.state is None or end.mode is None or end.joints is None:
-        return None
-    view = view_of(layout, end.mode, end.joints, sign)
-    view = replace(view, caption=caption_of(end.status, end.engine))
-    elastic = layout.with_imposed(end.state).elastic
-    with going_on(lost):
-        draw_state(layout, view, elastic, _title(end, reversal), first)
-    return view
-
-
-def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
-    """ParaView files of one end, if there is a collapse mode. Collective."""
-    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
-        return
-    layout = result.layout
-    state = layout.with_imposed(end.state)
-    suffix = _suffix(result, direction)
-    path = folder / f"blocks{suffix}.pvd"
-    write_blocks(path, layout, state.displacement, state.elastic, end.mode)
-    path = folder / f"joints{suffix}.vtu"
-    write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
 
 
 def _title(end: Collapse, reversal: str) -> str:
@@ -185,6 +211,141 @@ def _title(end: Collapse, reversal: str) -> str:
     factor = end.load_factor
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
     return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
+
+
+# ---- pictures of one state, or of blocks
+
+
+def picture_paths(scene: Scene, path: Path) -> list[Path]:
+    """Files of a picture, in all formats asked for; `path` is without its ending."""
+    formats = dict.fromkeys(scene.output.formats)
+    return [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+
+
+def draw_pictures(scene: Scene, view: View, title: str, pictures: Mapping[Path, Draw]) -> None:
+    """Pictures by file without its ending, on rank 0. Collective.
+
+    Raises:
+        DrawingError: On all ranks, once all others are drawn, if one cannot be.
+    """
+    whole = "\n".join(filter(None, (plain(scene.title, LONGEST_TITLE), title)))
+    with writing(scene.comm):
+        failed = []
+        for path, draw in pictures.items() if scene.comm.rank == 0 else ():
+            paths = picture_paths(scene, path)
+            try:
+                with drawing(path.name):
+                    save(view, whole, paths, draw)
+            except DrawingError as error:
+                failed.append(str(error))
+                for part in paths:
+                    part.unlink(missing_ok=True)
+        if failed:
+            raise DrawingError("; ".join(failed))
+
+
+def draw_state(
+    layout: Layout,
+    view: View,
+    elastic: Array,
+    title: str,
+    folder: Path,
+    motion: str,
+    suffix: str = "",
+) -> None:
+    """Motion, forces, stresses and whole lines of thrust of a state. Collective.
+
+    Args:
+        layout: Of the state.
+        view: What the pictures show.
+        elastic: Displacement without a large motion, this rank's part.
+        title: Of all pictures.
+        folder: Where to.
+        motion: Name of the picture of the motion.
+        suffix: What all names have behind them.
+    """
+    stress = partial(draw_stress, raster=stress_raster(layout, elastic))
+    panels: dict[str, Draw] = {motion: draw_mode, "forces": draw_forces, "stress": stress}
+    with drawing(f"thrust{suffix}"):  # alike on all ranks
+        if len(whole_thrust(view).segments):
+            panels["thrust"] = draw_thrust
+    pictures = {folder / f"{name}{suffix}": draw for name, draw in panels.items()}
+    draw_pictures(layout.scene, view, title, pictures)
+
+
+def draw_blocks(
+    layout: Layout,
+    blocks: Indices,
+    motion: Array | None,
+    title: str,
+    path: Path,
+    sign: float = 1.0,
+) -> View:
+    """Picture of some blocks among all, moved by rigid motions (a, b, c) by block. Collective.
+
+    Returns:
+        What it shows; `sign` is that of the live load.
+    """
+    mode = None if motion is None else layout.rigid_motion(motion)
+    view = replace(view_of(layout, mode, sign=sign), marked=blocks)
+    draw_pictures(layout.scene, view, title, {path: draw_marked})
+    return view
+
+
+def write_service_state(
+    found: ServiceState,
+    layout: Layout,
+    view: View | None,
+    numbers: Mapping[str, Any],
+    folder: Path,
+) -> None:
+    """Write what the scene's output options ask for; the folder is made if need be. Collective.
+
+    Args:
+        found: The state, or why there is none.
+        layout: Of the state.
+        view: What pictures show; None where there is no state.
+        numbers: More of result.json.
+        folder: Where to.
+
+    Raises:
+        OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
+    """
+    scene = layout.scene
+    state = found.state
+    falling = falling_blocks(layout, found.fall)
+    record: Record = {
+        "status": found.status,
+        "title": scene.title,
+        "load_factor": found.load_factor,
+        "engine": found.engine,
+        "reason": found.reason or None,
+        "residuals": dict(found.residuals),
+        "tolerances": {name: tolerances()[name] for name in found.residuals},
+        "falling_blocks": falling.tolist(),
+        "ties": tie_records(tie_arrays(layout, found.joint_values)),
+        "warnings": list(layout.warnings),
+        **origin_record(layout),
+        **numbers,
+    }
+    with filled_at_once(folder, RECORD, scene.comm) as hidden:
+        with going_on(record["warnings"]):
+            if scene.output.pictures and found.fall is not None:
+                title = "does not stand under its dead load"
+                draw_blocks(layout, falling, found.fall, title, hidden / "collapse")
+            if scene.output.pictures and state is not None and view is not None:
+                title = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"
+                draw_state(layout, view, state.elastic, title, hidden, "state")
+        if scene.output.paraview and state is not None and found.joint_values is not None:
+            moved = state.displacement
+            write_blocks(hidden / "blocks.pvd", layout, moved, state.elastic, None)
+            write_joints(hidden / "joints.vtu", layout, found.joint_values, moved, None)
+        with writing(scene.comm):
+            if scene.comm.rank == 0:
+                _write_record(strict(record), hidden)
+
+
+# ---- result.json
 
 
 def result_record(result: Result) -> Record:
@@ -223,11 +384,13 @@ def result_record(result: Result) -> Record:
     if result.negative is not None and result.negative is not collapse:
         record["negative"] = directions["negative"]
     timed = [kind for kind in kinds if kind.seconds]
+    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
+    pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
     return record | {
         **origin_record(result.layout),
         "ends": ends,
         "directions": directions,
-        "warnings": [*result.layout.warnings, *result.contradictions, *_other_warnings(result)],
+        "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],
         "skipped": list(result.skipped),
         "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
         "control": scene.solve.control,
@@ -320,12 +483,89 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     return record | {"iterations": iterations}
 
 
-def _other_warnings(result: Result) -> list[str]:
-    """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
-    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
-    return missed + list(dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed))
-
-
 def _record(item: Any, *names: str) -> Record:
     """Some attributes of an item; None where there is no item."""
     return {name: None if item is None else getattr(item, name) for name in names}
+
+
+def origin_record(layout: Layout) -> Record:
+    """Mesh and scene of a result, ranks, versions and date."""
+    mesh = layout.scene.mesh
+    return {
+        "mesh": {
+            "bodies": mesh.body_count,
+            "floating_bodies": int(layout.bodies.floating.sum()),
+            "cells": int(mesh.domain.topology.index_map(2).size_global),
+            "dofs": layout.size,
+            "joint_points": layout.joints.joint_count,
+        },
+        "scene": scene_record(layout),
+        "ranks": layout.scene.comm.size,
+        "version": __version__,
+        "versions": compat.versions(),
+        "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def tie_records(ties: NamedArrays) -> list[Record]:
+    """Every bar of every tie, with its force and what it does."""
+    if "state" not in ties:
+        return []
+    words = {state.value: state.name.lower() for state in TieState}
+    columns = {name: ties[name].tolist() for name in ties}
+    columns["state"] = [words[state] for state in columns["state"]]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def strict(value: Any) -> Any:
+    """A record as strict JSON has it: numbers that are not finite are None."""
+    if isinstance(value, dict):
+        return {key: strict(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [strict(item) for item in value]
+    if isinstance(value, float):
+        return value + 0.0 if math.isfinite(value) else None
+    return value
+
+
+def scene_record(layout: Layout) -> dict[str, Any]:
+    """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
+    scene = layout.scene
+    bodies = layout.bodies
+    width, height = np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).tolist()
+    tables = {
+        name: {key: asdict(value) for key, value in getattr(scene, name).items()}
+        for name in ("materials", "joints", "foundations")
+    }
+    given = scene.tables()
+    loads = {"dead": scene.dead, "live": scene.live}
+    forces = {name: getattr(bodies, name)[:, :2].sum(axis=0) for name in loads}
+    joints = layout.joints.without_ties()
+    contacts = []  # where the joint laws act
+    for number, name in enumerate(joints.names):
+        mine = joints.law == number
+        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
+        length = float(joints.length[mine].sum())
+        row = {"group": name, "kind": kind, "points": int(mine.sum()), "length": length}
+        contacts.append(row)
+    return {
+        "plane": scene.plane,
+        "thickness": scene.thickness,
+        "degree": scene.degree,
+        "size": {"width": width, "height": height, "area": layout.bodies_area()},
+        "stress": function_name(scene.stress) or None,
+        **tables,
+        "supports": dict(scene.supports),
+        "loads": {
+            name: asdict(replace(load, form=None)) | {"form": function_name(load.form) or None}
+            for name, load in loads.items()
+        },
+        "resultants": {name: (force + 0.0).tolist() for name, force in forces.items()},
+        "ties": given["ties"],
+        "floors": given["floors"],
+        "seismic": scene.seismic and asdict(scene.seismic),
+        "contacts": contacts,
+        "solve": asdict(scene.solve),
+        "output": asdict(scene.output),
+        "units": dict(UNITS),
+    }

@@ -20,7 +20,6 @@ from fenics_contact.discretization.forms import GroupMeasure, measures, stress_o
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError, checked, plain
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.drawing import frame
 from fenics_contact.output.fields import displacement_function, stress_raster
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (
@@ -30,6 +29,7 @@ from fenics_contact.output.plotting import (
     draw_mode,
     draw_stress,
     draw_thrust,
+    frame,
     new_axes,
     save,
     structure_figure,

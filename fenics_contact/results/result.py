@@ -115,6 +115,11 @@ class Answer(ABC):
             known = {**Answer.kinds, cls.name: cls}
             Answer.kinds = dict(sorted(known.items(), key=lambda item: item[1].place))
 
+    @classmethod
+    def asked_by(cls, scene: Scene) -> str:
+        """A line on what a scene asks of it; empty where it says nothing."""
+        return ""
+
     def record(self) -> Any:
         """What result.json holds: the fields of the value, and null where no reason is given."""
         shown = (item.name for item in fields(self.value) if item.repr)

@@ -25,8 +25,8 @@ from fenics_contact import (
 from fenics_contact.console import description
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
+from fenics_contact.output.files import scene_record
 from fenics_contact.output.plotting import draw_scene
-from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.view import view_of
 from tests.bank import GRAVITY, coulomb, sides
 from tests.drawing import rectangle, turned

@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 from fenics_contact import JointLaw, Load, limit_load
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, polygons, running_bond, wall
-from fenics_contact.output.drawing import force_text, nice
 from fenics_contact.output.fields import stress_raster
 from fenics_contact.output.plotting import (
     draw_forces,
     draw_mode,
     draw_scene,
     draw_thrust,
+    force_text,
+    nice,
     whole_thrust,
 )
 from fenics_contact.output.view import View, motion_record, view_of

@@ -13,8 +13,8 @@ from fenics_contact import InputError, Load, Point, Scene, SolveOptions, limit_l
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.limit_load import limit_load_of
 from fenics_contact.meshing import running_bond
-from fenics_contact.sweeps.parameters import Parameter, grid
-from fenics_contact.sweeps.picture import draw_sweep
+from fenics_contact.sweeps.points import Parameter, grid
+from fenics_contact.sweeps.sweep import draw_sweep
 from tests.helpers import coulomb, on_ground
 
 BOTH = "joints.default.friction, foundations.base.friction"

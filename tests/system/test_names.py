@@ -11,13 +11,12 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons
-from fenics_contact.output import state_files
+from fenics_contact.output import files as output_files
 from fenics_contact.output.plotting import draw_scene
 from fenics_contact.output.view import view_of
 from fenics_contact.scene import EdgeForce
-from fenics_contact.sweeps.parameters import Parameter, grid
-from fenics_contact.sweeps.picture import draw_sweep
-from fenics_contact.sweeps.points import Point
+from fenics_contact.sweeps.points import Parameter, Point, grid
+from fenics_contact.sweeps.sweep import draw_sweep
 from tests.drawing import rectangle
 from tests.helpers import notebook_picture
 from tests.system.program import files, result, run_here, write_scene
@@ -113,7 +112,7 @@ def test_a_picture_that_cannot_be_drawn_loses_no_result(
     if MPI.COMM_WORLD.rank == 0:
         write_scene(folder, changes, mesh)
     MPI.COMM_WORLD.barrier()
-    monkeypatch.setattr(state_files, part, broken)
+    monkeypatch.setattr(output_files, part, broken)
     found = run_here(["solve", "scene.toml"], capsys)
     assert (found.code, found.err) == (code, "")
     record = result(folder / "scene")
@@ -126,14 +125,14 @@ def test_a_picture_that_cannot_be_drawn_loses_no_result(
 
 def test_stands_and_sweeps_lose_no_result(folder, capsys, monkeypatch):
     write_scene(folder)
-    monkeypatch.setattr(state_files, "draw_stress", broken)
+    monkeypatch.setattr(output_files, "draw_stress", broken)
     found = run_here(["stands", "scene.toml", "-o", "state"], capsys)
     assert found.code == 0 and "warning: stress could not be drawn" in found.out
     record = result(folder / "state")
     assert record["status"] == "equilibrium" and "ValueError: no room" in record["warnings"][-1]
     assert "state.png" in record["files"] and "stress.png" not in record["files"]
-    monkeypatch.setattr("fenics_contact.sweeps.picture.draw_sweep", broken)
-    monkeypatch.setattr("fenics_contact.sweeps.picture.save", broken)
+    monkeypatch.setattr("fenics_contact.sweeps.sweep.draw_sweep", broken)
+    monkeypatch.setattr("fenics_contact.sweeps.sweep.save", broken)
     vary = ["--vary", "loads.live.body=[5,0]:[10,0]:2"]
     found = run_here(["sweep", "scene.toml", *vary], capsys)
     assert found.code == 0 and found.out.count("could not be drawn") == 2

@@ -47,7 +47,7 @@ IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
 ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
 
 #: Modules that talk to people.
-CONSOLE = {"cli.command_line", "cli.commands", "cli.drawings", "__main__"}
+CONSOLE = {"cli.command_line", "cli.commands", "__main__"}
 
 #: Modules that are slow to import or not always needed.
 LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "shapely", "tqdm", "weasyprint"}
