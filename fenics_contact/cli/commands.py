@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,39 +36,26 @@ ANSWERS: Mapping[str, str] = {
 NOT_PROVED = "no equilibrium was found"
 
 
-class _Signals:
-    """Signals that ask to end a run: what is known by then is written.
+@contextlib.contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Numbers of the signals that came and ask to end a run: what is known by then is written.
 
     They are Ctrl-C, SIGTERM (batch systems), and SIGUSR1, which mpirun passes on to its ranks
     without killing them. Ctrl-C once more ends at once.
-
-    Attributes:
-        number: Of the first signal that came; 0 for none.
     """
+    came: list[int] = []
 
-    def __init__(self) -> None:
-        self.number = 0
-
-    def __enter__(self) -> _Signals:
-        self._before = {number: signal.signal(number, self._note) for number in STOPPING}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def __call__(self) -> str:
-        """Who asked to end the run; empty if nobody did."""
-        return signal.Signals(self.number).name if self.number else ""
-
-    def _note(self, number: int, _: object) -> None:
-        if self.number and number == signal.SIGINT:
+    def note(number: int, _: object) -> None:
+        if came and number == signal.SIGINT:
             raise KeyboardInterrupt
-        self.number = self.number or number
+        came.append(number)
 
-    def first(self, comm: MPI.Comm) -> int:
-        """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
-        return int(comm.allreduce(self.number, MPI.MAX))
+    before = {number: signal.signal(number, note) for number in STOPPING}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -88,18 +75,27 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
-    with _Signals() as signals:
+    with _signals() as came:
+
+        def stop() -> str:
+            """Who asked this rank to end the run; empty if nobody did."""
+            return signal.Signals(came[0]).name if came else ""
+
+        def first() -> int:
+            """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
+            return int(comm.allreduce(came[0] if came else 0, MPI.MAX))
+
         with contextlib.closing(shown(scene.solve.tolerance)) as progress:
             monitor = progress if loud else None
-            result = limit_load(scene, monitor, stop=signals)
+            result = limit_load(scene, monitor, stop=stop)
             if scene.output.capacity and not result.stopped:
-                result = result.with_capacity(monitor, stop=signals)
+                result = result.with_capacity(monitor, stop=stop)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
-        result.write(folder, lambda: signals.first(comm) > 0)
+        result.write(folder, lambda: first() > 0)
         say(f"written to {folder}")
-        number = signals.first(comm)
+        number = first()
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
 
 

@@ -126,8 +126,17 @@ def write_blocks(
         scale = mode_scale(layout, mode)
         moving["collapse_mode"] = scale * mode
         numbers["mode_scale"] = scale
+    mesh = layout.scene.mesh
+    stress = cell_stresses(layout, elastic)
+    values, first = principal_stresses(stress[:, :3])
+    names = "stress_xx", "stress_yy", "stress_xy", "von_mises"
+    columns = dict(zip(names[: stress.shape[1]], stress.T, strict=True))
+    columns |= {"principal_1": values[:, 0], "principal_2": values[:, 1]}
+    # dolfinx 0.5 writes no vectors by cell.
+    columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
+    columns |= {"body": mesh.body, "material": material_numbers(layout)[mesh.cell_groups]}
     functions = [displacement_function(layout, u, name) for name, u in moving.items()]
-    functions += _cell_functions(layout, elastic)
+    functions += [cell_field(mesh, name, value) for name, value in columns.items()]
     _write(path, comm, [(0.0, functions)], [numbers])
 
 
@@ -165,20 +174,6 @@ def _write(
     with writing(comm):
         if comm.rank == 0:
             compat.tidy_vtk(path, numbers)
-
-
-def _cell_functions(layout: Layout, elastic: Array) -> list[fem.Function]:
-    """Stresses, principal stresses with the direction of the second, block and material."""
-    mesh = layout.scene.mesh
-    stress = cell_stresses(layout, elastic)
-    values, first = principal_stresses(stress[:, :3])
-    names = "stress_xx", "stress_yy", "stress_xy", "von_mises"
-    columns = dict(zip(names[: stress.shape[1]], stress.T, strict=True))
-    columns |= {"principal_1": values[:, 0], "principal_2": values[:, 1]}
-    # dolfinx 0.5 writes no vectors by cell.
-    columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
-    columns |= {"body": mesh.body, "material": material_numbers(layout)[mesh.cell_groups]}
-    return [cell_field(mesh, name, value) for name, value in columns.items()]
 
 
 def material_numbers(layout: Layout) -> Indices:
@@ -234,7 +229,10 @@ def write_joints(
     cells = {"connectivity": joints.segments.ravel(), "offsets": 2 * np.arange(1, len(first) + 1)}
     cells["types"] = np.full(len(first), VTK_LINE, dtype=np.uint8)
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    file.append(Comment(f" {about};" * bool(about) + _numbers_in_words(joints)))
+    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
+    groups = groups.replace("--", "- -")  # XML allows no two hyphens in a comment
+    file.append(Comment(f" {about};" * bool(about) + f" state: {states}; group: {groups} "))
     grid = SubElement(file, "UnstructuredGrid")
     _add_arrays(grid, "FieldData", numbers)
     sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}
@@ -245,14 +243,6 @@ def write_joints(
     with writing(layout.scene.comm):
         if layout.scene.comm.rank == 0:
             ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
-
-
-def _numbers_in_words(joints: Joints) -> str:
-    """What the numbers of states and groups mean."""
-    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
-    # XML allows no two hyphens in a comment.
-    return f" state: {states}; group: {groups.replace('--', '- -')} "
 
 
 def _add_arrays(parent: Element, section: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -311,6 +301,10 @@ def stress_raster(layout: Layout, elastic: Array) -> StressRaster:
     stress = cell_stresses(layout, elastic)[:, :3]
     domain = layout.scene.mesh.domain
     corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
+    # Areas of cells; the corners of quadrilaterals are in the order of a product.
+    one = corners[:, -1] - corners[:, 0]
+    other = corners[:, 1] - corners[:, 0 if corners.shape[1] == 3 else 2]
+    areas = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
     sums = np.zeros((rows * columns, 4))  # area, and area times stresses
     for cells, shapes in _samples(corners, step):
         places = (shapes @ corners[cells, :, axis].T for axis in (0, 1))
@@ -319,7 +313,7 @@ def stress_raster(layout: Layout, elastic: Array) -> StressRaster:
             for place, start in zip(places, corner, strict=True)
         )
         square = np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
-        share = _areas(corners[cells]) / len(shapes)
+        share = areas[cells] / len(shapes)
         for total, weight in zip(sums.T, [share, *(share * stress[cells].T)], strict=True):
             weights = np.broadcast_to(weight, square.shape).ravel()
             total += np.bincount(square.ravel(), weights, rows * columns)
@@ -356,12 +350,3 @@ def _shapes(n: int, count: int) -> Array:
     x = (i + 0.5) / n
     y = (j + 0.5) / n
     return np.column_stack([(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y])
-
-
-def _areas(corners: Array) -> Array:
-    """Areas of cells; the corners of quadrilaterals are in the order of a product."""
-    one = corners[:, -1] - corners[:, 0]
-    other = corners[:, 2] - corners[:, 1]
-    if corners.shape[1] == 3:
-        other = corners[:, 1] - corners[:, 0]
-    return 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])

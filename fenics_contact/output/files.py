@@ -61,35 +61,20 @@ SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopp
 LONGEST_TITLE = 60
 #: Units by key; keys without one have numbers without unit, or words.
 UNITS: Mapping[str, str] = {
-    "young": "Pa",
-    "density": "kg/m3",
-    "bound": "Pa",
-    "cohesion": "Pa",
-    "gap": "m",
-    "dilatancy": "degrees",
-    "tensile_strength": "Pa",
-    "compressive_strength": "Pa",
-    "body": "m/s2",
-    "traction": "Pa",
-    "tilt": "degrees",
-    "force": "N per metre of thickness",
-    "yield": "N per metre of thickness, N with a spacing",
-    "stiffness": "N/m per metre of thickness, N/m with a spacing",
-    "prestress": "N per metre of thickness, N with a spacing",
-    "spacing": "m",
-    "x": "m",
-    "y": "m",
-    "level": "m",
-    "unit_weight": "N/m3",
-    "surcharge": "Pa",
-    "wall_friction": "degrees",
-    "displacement": "m",
-    "rotation": "degrees",
-    "length": "m",
-    "width": "m",
-    "height": "m",
-    "area": "m2",
-    "resultants": "N per metre of thickness",
+    key: unit
+    for unit, keys in {
+        "Pa": "young bound cohesion tensile_strength compressive_strength traction surcharge",
+        "kg/m3": "density",
+        "m": "gap spacing x y level displacement length width height",
+        "m2": "area",
+        "degrees": "dilatancy tilt wall_friction rotation",
+        "m/s2": "body",
+        "N/m3": "unit_weight",
+        "N per metre of thickness": "force resultants",
+        "N per metre of thickness, N with a spacing": "yield prestress",
+        "N/m per metre of thickness, N/m with a spacing": "stiffness",
+    }.items()
+    for key in keys.split()
 }
 
 Record = dict[str, Any]

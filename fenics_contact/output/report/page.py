@@ -15,7 +15,7 @@ from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
-from fenics_contact.output.report.answer import first_page
+from fenics_contact.output.report.answer import first_page, how_it_fails
 from fenics_contact.output.report.content import (
     RECORD,
     Content,
@@ -49,7 +49,6 @@ from fenics_contact.output.report.html import (
     text,
     value_text,
 )
-from fenics_contact.output.report.mechanism import how_it_fails
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.units import PER_METRE, Units
 
