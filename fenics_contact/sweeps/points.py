@@ -357,23 +357,18 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
 def solved_points(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
     """Points in the order in which they end, shared among so many processes. Collective.
 
+    Each process has the scene, or reads it, and a structure of its own. It has a session of its
+    own too, so that Ctrl-C is for the process that has the table.
+
     Raises:
         InputError: If the scene cannot be given to other processes.
         SolverError: If a process ends before its answer.
     """
-    if jobs > 1 and points:
-        yield from _solved_by_workers(family, points, jobs)
+    if jobs == 1 or not points:
+        with closing(Structure()) as structure:
+            for values in points:
+                yield solve_point(family, structure, values)
         return
-    with closing(Structure()) as structure:
-        for values in points:
-            yield solve_point(family, structure, values)
-
-
-def _solved_by_workers(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
-    """Points by processes that each have the scene, or read it, and a structure of their own.
-
-    They have sessions of their own, so that Ctrl-C is for the process that has the table.
-    """
     origin = family.to_send()
     environment = {
         name: value

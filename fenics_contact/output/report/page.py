@@ -118,7 +118,10 @@ def write_report(
         if sweep is None:
             page = report_page(read_content(folder, labels))
         else:
-            page = _page(f"Sweep: {sweep.folder}", _sweep_parts(sweep, labels))
+            title = heading(f"Load factors over {' and '.join(sweep.keys)}", 1)
+            made = labels.line(f"Computed with fenics-contact {sweep.version}")
+            parts = [title, paragraph(made, kind="labels"), *_of_sweep(sweep, MOST_ROWS)]
+            page = _page(f"Sweep: {sweep.folder}", parts)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{folder / RECORD} is damaged ({error!r}); solve the scene again"
@@ -302,14 +305,6 @@ def sensitivity(content: Content) -> Iterator[str]:
     if content.sweep is not None:
         yield heading("Sensitivity")
         yield from _of_sweep(content.sweep, ROWS)
-
-
-def _sweep_parts(sweep: Sweep, labels: Labels) -> Iterator[str]:
-    """The page of a sweep alone: its picture, the worst case, its table."""
-    yield heading(f"Load factors over {' and '.join(sweep.keys)}", 1)
-    version = f"Computed with fenics-contact {sweep.version}"
-    yield paragraph(labels.line(version), kind="labels")
-    yield from _of_sweep(sweep, MOST_ROWS)
 
 
 def _of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
