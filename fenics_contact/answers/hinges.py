@@ -231,8 +231,8 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
     share = SEARCH.hinge_asked if options.error else SEARCH.hinge_share
     largest = math.inf if options.accuracy is not None else share * (1.0 + cost)
     with whole.effort.at_most(largest):
-        states = _followed(case, end, start)
-        left = whole.effort.left
+        states, dear = _followed(case, end, start)
+        dear |= whole.effort.left < 1.0
     if len(states) > 1:
         # Constants a and c through the last two; one with the mesh may be another state.
         point = states[-1].state.load_factor
@@ -253,7 +253,7 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
         physical = min(max(physical, min(load_factor, point)), max(load_factor, point))
         return replace(here, physical=physical, points=point)
     reason = "no collapse state next to this one was found with shorter hinges"
-    if left < 1.0:
+    if dear:
         more = (
             "solve.accuracy sets none" if options.error else "solve.error = true sets a higher one"
         )
@@ -261,28 +261,35 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
     return HingeLengths("not_known", load_factor, length, reason=reason)
 
 
-def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
-    """The collapse, and states with more and more halvings, as far as the effort allows."""
+def _followed(case: LoadCase, end: Collapse, start: _Known) -> tuple[list[_Known], bool]:
+    """The collapse, and states with more and more halvings; whether the effort ended them."""
+    effort = case.discretization.effort
     few = SEARCH.few_halvings
     many = SEARCH.few_halvings * SEARCH.work_growth
+    # A path from afar takes what that to the collapse took on block modes: it is not begun else.
+    again = 0.0
+    for trial in end.attempts[-1:]:
+        share = case.discretization.mode_tally.cost
+        again = share / (1.0 - share) * (trial.factorizations - trial.cost)
     states = [start]
     for halvings, attempt in ((few, _next_to), (few, _from_afar), (many, _next_to)):
         last = states[-1]
         if halvings == last.halvings or (halvings == many and last is start):
             continue
         try:
+            effort.require(again if attempt is _from_afar else 0.0)
             new = _with(case, end, last, halvings, attempt)
         except SolverError as error:
             _log.info("  %g halvings: %s", halvings, error)
             if isinstance(error, EffortError):
-                break
+                return states, True
             continue
         states.append(new)
         _log.info("  %g halvings: load factor %.8g", halvings, new.state.load_factor)
         change = abs(new.state.load_factor - end.load_factor)
         if change <= SEARCH.agrees * end.size and len(new.points) == len(last.points):
             break
-    return states
+    return states, False
 
 
 def _with(

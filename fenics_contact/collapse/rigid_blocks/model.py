@@ -47,8 +47,8 @@ import itertools
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import cached_property, partial
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -200,12 +200,6 @@ class BlockModel:
         shear[:count] += bound
         return forward + backward, shear
 
-    def point_forces(self, x: Array) -> Array:
-        """Normal and shear forces at all joint points, shape (2, points), in the unit of x."""
-        ends = self.planar.faces.ends.T.ravel()
-        count = len(self.planar.joints.length)
-        return np.stack([np.bincount(ends, force, count) for force in self.at_ends(x)])
-
     def pressing(self, weights: Array) -> Array:
         """Weighted sums of the faces' normal forces, as coefficients of x, by rows."""
         ends = np.hstack([weights, weights])
@@ -245,7 +239,10 @@ def wedging_forces(model: BlockModel) -> Array | None:
     if missing > SEARCH.rounding:
         return None
     least = balance.answer("highs-ds")
-    return model.point_forces(unit * (least.x if least.status == 0 else x))
+    x = least.x if least.status == 0 else x
+    at = model.planar.faces.ends.T.ravel()
+    count = len(model.planar.joints.length)
+    return np.stack([np.bincount(at, force, count) for force in model.at_ends(unit * x)])
 
 
 class GivenFriction(NamedTuple):
@@ -356,6 +353,9 @@ def least_forces(
     return LeastForces(values * model.unit, x[:, 0] * model.load, normal * model.unit, spent)
 
 
+_Answer = TypeVar("_Answer", GivenFriction, LeastForces)
+
+
 def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -> float:
     """No collapse state has a load factor below this; minus infinity if nothing is proved.
 
@@ -369,14 +369,10 @@ def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -
     search = _Search(model, given, check_stop, upper + SEARCH.rounding * abs(upper))
     try:
         search.run()
-    except (SolverError, Stopped, _SpentError) as error:
+    except (SolverError, Stopped) as error:
         _log.info("  lower end of the bracket: %s", error)
     _log.info("  lower end of the bracket: %.8g by %d programs", search.lower, search.solved)
     return search.lower
-
-
-class _SpentError(Exception):
-    """As many linear programs as are allowed are solved."""
 
 
 @dataclass
@@ -427,9 +423,7 @@ class _Search:
         least = np.zeros_like(self.model.strength)
         self.lower = self._limit(least).factor
         while not self._closed:
-            part = self._slice(self.upper, least)
-            factor = self._raised(part)
-            least = part.least
+            factor, least = self._raised(self.upper, least)
             size = self.upper - self.lower if np.isfinite(self.upper) else abs(self.lower)
             enough = (
                 factor > self.lower + SEARCH.least_gain * size or self.lower == -np.inf < factor
@@ -442,7 +436,7 @@ class _Search:
         width = thinnest = SEARCH.thinnest_slice * (self.upper - self.lower)
         while not self._closed:
             end = min(self.lower + width, self.upper)
-            factor = min(self._raised(self._slice(end, least)), end)
+            factor = min(self._raised(end, least)[0], end)
             gain = factor - self.lower
             self.lower = max(factor, self.lower)
             if factor == end:
@@ -457,34 +451,34 @@ class _Search:
         """Whether the ends meet, or nothing limits the load."""
         return self.lower == np.inf or meet(self.lower, self.upper)
 
-    def _slice(self, end: float, least: Array) -> _Slice:
-        """The slice from the lower end on, with the forces found that are in it."""
-        inside = [normal for factor, normal in self.found if self.lower <= factor <= end]
-        most = np.min([np.full_like(least, np.inf), *inside], axis=0)
-        return _Slice((self.lower, end), least.copy(), most)
+    def _raised(self, high: float, least: Array) -> tuple[float, Array]:
+        """No collapse state of the slice from the lower end on is below this, and its n.
 
-    def _raised(self, part: _Slice) -> float:
-        """No collapse state of a slice is below this, as far as it is worth while."""
-        low, high = part.ends
+        As far as it is worth while; `least` is not above n. The forces found in the slice tell.
+        """
+        low = self.lower
+        inside = [normal for factor, normal in self.found if low <= factor <= high]
+        most = np.min([np.full_like(least, np.inf), *inside], axis=0)
+        part = _Slice((low, high), least.copy(), most)
         worthwhile = low + SEARCH.least_gain * (high - low) if high < np.inf else low
         for step in itertools.count():
             limit = self._limit(part.least)
             if limit.factor > high:
-                return limit.factor
+                return limit.factor, part.least
             # Faces that slip and whose n is not known yet, those with the most power first.
             power = self.model.planar.model.free_friction * limit.slip * self._doubt(part)
             order = np.argsort(-power, kind="stable")
             faces = order[power[order] > SEARCH.unloaded * power.max(initial=0.0)]
             if not len(faces):
-                return limit.factor
+                return limit.factor, part.least
             # At first the slice may turn out to be no gain.
             known = step < 2 and bool(np.all(np.isfinite(part.most)))
             if known and self._limit(part.most).factor <= worthwhile:
-                return limit.factor
+                return limit.factor, part.least
             self._minimise(part, faces)
             if part.empty:
                 break
-        return np.inf
+        return np.inf, part.least
 
     def _doubt(self, part: _Slice) -> Array:
         """Differences of what n may be, N/m, up to the unit of forces; 0 where it is known."""
@@ -513,8 +507,7 @@ class _Search:
 
     def _least(self, part: _Slice, weights: Array) -> Array:
         """Least sums of normal forces in a slice, N/m; it learns from the forces."""
-        found = least_forces(self.model, weights, part.ends, self._iterations())
-        self._count(found.iterations)
+        found = self._answered(partial(least_forces, self.model, weights, part.ends))
         part.empty = part.empty or bool(np.any(found.values == np.inf))
         if not part.empty:
             self.found += zip(found.factors, found.normal, strict=True)
@@ -526,19 +519,19 @@ class _Search:
         if self.last is not None and np.array_equal(self.last[0], normal):
             return self.last[1]
         strength = self.model.planar.model.free_friction * normal + self.model.strength
-        limit = given_friction(replace(self.given, strength=strength), self._iterations())
-        self._count(limit.iterations)
+        given = replace(self.given, strength=strength)
+        limit = self._answered(partial(given_friction, given))
         self.last = normal.copy(), limit
         return limit
 
-    def _iterations(self) -> int:
-        """Iterations of HiGHS that are left to the next program."""
-        left = (SEARCH.pivots - self.pivots) // self.model.forces.shape[0]
+    def _answered(self, program: Callable[[int], _Answer]) -> _Answer:
+        """What a program answers in the iterations of HiGHS that are left to it."""
+        equations = self.model.forces.shape[0]
+        left = (SEARCH.pivots - self.pivots) // equations
         if left < 1 or self.solved >= SEARCH.programs:
-            raise _SpentError(f"{self.solved} linear programs did not bring it to an end")
+            raise SolverError(f"{self.solved} linear programs did not bring it to an end")
         self.check_stop()
-        return left
-
-    def _count(self, iterations: int) -> None:
+        answer = program(left)
         self.solved += 1
-        self.pivots += iterations * self.model.forces.shape[0]
+        self.pivots += answer.iterations * equations
+        return answer
