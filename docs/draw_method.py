@@ -34,7 +34,7 @@ HERE = Path(__file__).parent
 BLUE, ORANGE, GREEN, RED, GREY = "#0b62a4", "#e67300", "#2a8a3e", "#c0392b", "#666666"
 
 #: Short steps, so that the points show the curve; the program itself takes longer ones.
-FINE = replace(SEARCH, path_steps=2000, path_change=0.25, allowed_distance=0.05)
+FINE = replace(SEARCH, path_change=0.25, allowed_distance=0.05)
 
 #: Work at the end, in units of that on the bonded structure: of W3, and of the wall of 410 blocks.
 WORK_W3, WORK_LARGE = 420.0, 400.0

@@ -62,7 +62,7 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
             scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
         corners = scene.mesh.domain.topology.index_map(0).size_global
         # With the middles of sides there are four times as many nodes, about.
-        if 8 * corners > SEARCH.mesh_size:
+        if 8 * corners > SEARCH.large_system:
             break
         new = solve(replace(scene, degree=2))
         both = (result, new)

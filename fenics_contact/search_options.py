@@ -36,6 +36,11 @@ class SearchOptions:
     regularization: float = 1e-7
     #: Load factors agree that are as close as this, relative.
     agrees: float = 1e-5
+    #: Those are of different states that are as far apart as this.
+    far_apart: float = 2e-2
+    #: Parts of the largest force or slip rate, or of a bound, that are as good as nothing: shear of
+    #: a state from elsewhere keeps this distance from its bound.
+    nothing: float = 1e-9
     #: Motions, and what is left of a strength, below this part of the largest one are none.
     slight: float = 1e-4
 
@@ -52,8 +57,6 @@ class SearchOptions:
     #: Weight of the equilibrium residual: stiff springs cancel some of its digits while iterates
     #: move; it recovers as they come to rest.
     equilibrium_weight: float = 1e-3
-    #: Least distance of shear from its bound, in units of it, at a state from elsewhere.
-    from_bound: float = 1e-9
 
     # ---- interior point method for a state (solvers/interior_point)
     #: Steps at most.
@@ -70,8 +73,6 @@ class SearchOptions:
     corrector_weights: int = 9
 
     # ---- continuation of the central path (solvers/arclength)
-    #: Factorisations at most.
-    path_steps: int = 600
     #: Steps in which the path has to advance by log 2; else it wanders: it needs 19 at most where
     #: it is followed.
     path_patience: int = 40
@@ -126,58 +127,32 @@ class SearchOptions:
     #: c of the indentation of blocks: a fit to bricks of 6 to 561 nodes, linear triangles; within a
     #: third from 15 nodes on.
     indentation: float = 0.6
-    #: Unknowns up to which the minimum fill ordering is used, which is quicker to find than the
-    #: default; beyond the default needs less memory.
-    minimum_fill: int = 100_000
+    #: Displacements of a large system: up to so many the minimum fill ordering is used, which is
+    #: quicker to find and needs more memory, and a mesh is refined for an accuracy.
+    large_system: int = 200_000
 
     # ---- programs on face forces (faces/kernel, faces/programs)
     #: Relative gap at which a program ends.
     face_gap: float = 1e-7
-    #: Steps at most.
-    face_steps: int = 60
     #: Length below which a step is short.
     face_short: float = 0.2
     #: Steps without a better iterate that end it.
     face_stale: int = 12
-    #: The same where a mode is proved: it would be missing in the mode's equation.
-    firm_proximal: float = 1e-11
     #: Further correctors at most.
     pushes: int = 2
-    #: Factor of products, about those aimed at, out of which these pull them.
-    product_band: float = 10.0
-    #: Searches at most.
-    end_searches: int = 4
-    #: Least length of a face's springs, in units of the median one.
-    shortest_face: float = 0.02
 
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
     #: Relative gap of a state that counts as one at all.
     rough_gap: float = 1e-2
-    #: Gap below which an iterate is a state to go on from.
-    face_state_gap: float = 0.1
-    #: Factorisations of a search at most.
-    face_effort: int = 600
-    #: Part of its size by which a state is below the limit with its strengths, from which on it
-    #: does too little work.
-    far_limit: float = 0.02
     #: Part of Coulomb's law in the steps that follow, the rest of the bound being given.
     coulomb_part: float = 0.5
     #: Steps at most.
     face_rounds: int = 10
-    #: Relative gap of each.
+    #: Relative gap of each; part of the dissipation that the bound misses, from which on the
+    #: certificate is tried; and change of pressing forces below which steps end.
     part_gap: float = 3e-2
-    #: Part of the dissipation that the bound misses, from which on the certificate is tried.
-    part_tried: float = 5e-2
-    #: Products at the start of the mode's program, in units of those of the elastic state.
-    near_products: float = 10.0
-    #: Those at the start of the state's program.
-    far_products: float = 100.0
-    #: Gap at which a state's program ends; it costs one or two steps more than the gap asked for.
-    certified_gap: float = 3e-7
-    #: Part of the elastic state's gap by which the load factor may move,
+    #: Part of the elastic state's gap by which the load factor may move.
     moves: float = 0.3
-    #: and at most.
-    most_move: float = 0.2
 
     # ---- lower states by face forces (faces/lowest)
     #: Gap of a state at most.
@@ -190,9 +165,9 @@ class SearchOptions:
     large_wall: int = 100
     #: Cost of the path of such a wall, in factorisations: about 20 bonded solves.
     soon: float = 25.0
-    #: Gap asked for by default,
+    #: Gap asked for by default, five times that of many blocks;
     gap: float = 1e-3
-    #: from so many on; lower states are then not looked for unasked.
+    #: so many. Lower states are then not looked for unasked.
     many_blocks: int = 1000
     #: Steps in which these springs' forces are taken away again.
     field_steps: int = 3
@@ -219,19 +194,13 @@ class SearchOptions:
     thinnest_slice: float = 0.01
     #: Faces for each of which the least normal force is found by one program.
     faces_at_once: int = 8
-    #: Normal forces and slip rates that count as none, in units of the largest one.
-    unloaded: float = 1e-9
 
     # ---- what counts as verified (results/certificate, collapse/collapse_mode)
-    #: What a state may miss of its conditions, in typical units; and how far a mode by face forces
-    #: may close, or miss stationarity.
+    #: What a state may miss of its conditions, and of the limit with its own friction, in typical
+    #: units; and how far a mode by face forces may close, or miss stationarity.
     verified: float = 1e-6
-    #: The same of friction, the direction of slip, and penetration in the mode.
+    #: The same of friction, the direction of slip, and the mode's penetration, power and straining.
     verified_slip: float = 1e-5
-    #: Of the mode's power, and its straining.
-    verified_mode: float = 1e-4
-    #: Gap of the load factor to the limit with the state's own friction, relative.
-    verified_gap: float = 3e-6
     #: Products of open and sliding joints in an elastic mode, force times displacement.
     mode_products: float = 1e-12
     #: Cap on springs of closed joints in it, in units of K's mean diagonal.
@@ -246,15 +215,9 @@ class SearchOptions:
     decade: float = 0.1
     #: Where block modes are left, and the interior point method is tried first;
     end_products: float = 3e-3
-    #: then a decade less, so many times in all. Next to a state at another load they are one more
-    #: decade, and at nearly the same one a decade less.
+    #: then a decade less, so many times in all. Next to a state at another load they are a decade
+    #: larger, and at nearly the same one, and on block modes to a peak, a decade smaller.
     path_ends: int = 4
-    #: by this factor.
-    further_work: float = 1.5
-    #: `interior_window` next to a state.
-    finish_window: int = 4
-    #: `exact_state` there: digits are lost along a mechanism.
-    finish_acceptable: float = 1e-7
 
     # ---- growing work, its costs (collapse/work_control), in factorisations of the structure
     #: First work per square of the number of blocks, if that is more: large walls are far from
@@ -265,50 +228,35 @@ class SearchOptions:
     #: Gap of a collapse state, in units of the tolerance: as its friction bound follows, the load
     #: factor still changes by 10 to 40 times as much.
     work_gap: float = 2.5e-2
-    #: The load factor of one state changes by so many times its gap at most with more work.
-    same_state: float = 100.0
     #: A load factor of this part of that under the live load alone, at the same work, is unlimited.
     on_line: float = 0.1
     #: Nor is one limited that grows like this power of the work.
     grows: float = 0.9
-    #: Cost of one attempt at most,
-    attempt_cost: float = 300.0
-    #: and of a collapse.
-    collapse_cost: float = 500.0
-    #: The same with iterations on the bound: some 10 states with given friction,
-    iterated_attempt: float = 1500.0
-    #: and of all of these, or of all collapses while joints tear.
+    #: Cost of a collapse at most, half of it for one attempt; and of a search by face forces.
+    collapse_cost: float = 600.0
+    #: The same with iterations on the bound, some 10 states with given friction; of all collapses
+    #: while joints tear; and with load control.
     iterated_cost: float = 3000.0
     #: Tolerance on load factors unless another one is asked for.
     usual_tolerance: float = 1e-6
-    #: Collapses at most while joints tear: walls do so along two or three mechanisms.
-    torn_states: int = 20
 
     # ---- fixed point on the friction bound (collapse/coulomb)
-    #: Iterations at most.
+    #: Iterations at most; and collapses while joints tear.
     bound_iterations: int = 150
     #: Least relaxation, where the iteration cycles,
     least_relaxation: float = 0.05
     #: the largest one,
     largest_relaxation: float = 2.0
-    #: and that where changes keep one direction: growth, not a cycle.
-    fast_relaxation: float = 50.0
     #: Factor of what secants promise: the slowest direction hides among others.
     secant_safety: float = 3.0
     #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
-    #: interior point method it is the square of that,
+    #: interior point method it is the square of that.
     bound_precision: float = 1e-2
 
     # ---- rising load (collapse/load_control)
     #: Accuracy, relative, of load factors beside the one that is reported: of the peak, of lower
     #: states, and with load control. A dip is stepped over to one five times that higher.
     side_accuracy: float = 1e-4
-    #: Steps at most.
-    load_steps: int = 200
-    #: Cost of all at most, in factorisations.
-    load_cost: float = 2000.0
-    #: That of the search under the dead load alone where a load factor is given.
-    rest_cost: float = 60.0
     #: Works at the end of the capacity curve and at the onset of the collapse.
     beyond_onset: float = 1.4
 
@@ -326,25 +274,18 @@ class SearchOptions:
     #: Where the load factor of the path with its larger products fell by this, relative, block
     #: modes do not tell that there is no peak.
     dip: float = 5e-2
-    #: A path that ends so far from the collapse, relative, ends at another one.
-    another_path: float = 2e-2
-    #: Products on block modes where the path is lost with `close_products`.
+    #: Products on block modes where the path is lost with smaller ones; on the structure they are a
+    #: decade smaller, and two to the peak.
     peak_products: float = 1e-3
-    #: States that are settled on the way at most.
-    peak_states: int = 16
     #: `path_change` on block modes: peaks are narrow,
     peak_change: float = 0.8
     #: and on the structure,
     peak_change_on_structure: float = 0.15
     #: `path_patience` there, which is a short way.
     peak_patience: int = 15
-    #: `interior_steps` to states on the way to a summit,
-    summit_steps: int = 12
-    #: and `interior_window`: they are found soon or not at all.
+    #: `interior_window` next to a state, which is found soon or not at all;
     summit_window: int = 5
-    #: The same for the first state,
-    first_steps: int = 20
-    #: which is farther away.
+    #: and to the first one near a peak, which is farther away.
     first_window: int = 8
 
     # ---- what a load factor owes to the mesh (answers/hinges, accuracy)
@@ -352,14 +293,12 @@ class SearchOptions:
     hinge_share: float = 0.5
     #: and where it is asked for.
     hinge_asked: float = 3.0
-    #: Halvings of the elements at hinges: first state,
+    #: Halvings of the elements at hinges: first state; ten times as many in the second one.
     few_halvings: float = 30.0
     #: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
     own_halvings: float = 2.0
     #: Displacements that change joint forces by their own size, in units of those at the work.
     hinge_give: float = 3e-3
-    #: What such a state misses of its equations at most: a step more than this is not worth it.
-    hinge_exact: float = 1e-8
     #: `interior_window` there.
     hinge_window: int = 3
     #: `path_corrections` while joints settle,
@@ -368,8 +307,6 @@ class SearchOptions:
     hinge_points: int = 12
     #: Meshes at most until an accuracy is reached,
     meshes: int = 8
-    #: with so many displacements.
-    mesh_size: int = 200_000
     #: An error is at least this part of that on the mesh before: load factors may agree by chance.
     error_falls: float = 0.25
 

@@ -56,7 +56,7 @@ SETTLING = replace(SEARCH, path_corrections=SEARCH.hinge_corrections, points=SEA
 #: and the interior point method ends soon or not at all,
 FINISHING = replace(SEARCH, interior_window=SEARCH.hinge_window)
 #: at a state that is so exact.
-EXACT = Tolerances(SEARCH.hinge_exact, SEARCH.agrees)
+EXACT = Tolerances(SEARCH.rounding, SEARCH.agrees)
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ class PeakAnswer(Asked):
             # its search is taken to its end, which may cost as much as a rising load.
             beyond = peak.load_factor + 5.0 * SEARCH.side_accuracy * end.size
             effort = case.discretization.effort
-            with effort.at_most(SEARCH.load_cost):
+            with effort.at_most(SEARCH.iterated_cost):
                 state = service_state(case.unrecorded, beyond)
                 if state.status != "equilibrium" and effort.left >= 1.0:
                     peak = replace(peak, not_found_at=beyond)
@@ -189,9 +189,8 @@ def warm(*products: float) -> WarmStart:
     first = len(products) > 1
     stop = replace(
         SEARCH,
-        interior_steps=SEARCH.first_steps if first else SEARCH.summit_steps,
         interior_window=SEARCH.first_window if first else SEARCH.summit_window,
-        exact_state=SEARCH.finish_acceptable,
+        exact_state=SEARCH.exact_state / SEARCH.decade**2,
     )
     exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
     return WarmStart(products, (), exact, stop)
@@ -285,11 +284,11 @@ class _Search:
 
         It ends on the plateau, which lasts: past the onset the collapse goes on as it is.
         """
-        if len(samples) < 3 or self.above(samples[-1].load_factor) < -SEARCH.another_path:
+        if len(samples) < 3 or self.above(samples[-1].load_factor) < -SEARCH.far_apart:
             return False  # nothing was seen of it, or it led elsewhere
         for sample in samples[1:]:
             height = self.above(sample.level)
-            if sample.work >= self._onset and abs(height) <= SEARCH.another_path:
+            if sample.work >= self._onset and abs(height) <= SEARCH.far_apart:
                 return True
             if height > SEARCH.higher:
                 return False
@@ -325,7 +324,7 @@ class _Search:
         if len(samples) < 2:
             raise SolverError("the path of block modes ends where it begins")
         bias = max(samples[-1].load_factor - self._load_factor, 0.0)
-        if above(samples[-1].load_factor) < -SEARCH.another_path:
+        if above(samples[-1].load_factor) < -SEARCH.far_apart:
             raise SolverError("the path of block modes ends at another collapse state")
         heights = [above(min(one.level, one.load_factor - bias)) for one in samples]
         k = int(np.argmax(heights[1:])) + 1
@@ -420,7 +419,7 @@ class _Search:
         step = 0.01
         high = math.inf  # work at which the path is past its summit, and
         right: _Settled | None = None  # the state there if it is still on the path
-        for _ in range(SEARCH.peak_states):
+        while True:
             if low.slope <= 0.0:
                 high = low.work
                 right = low

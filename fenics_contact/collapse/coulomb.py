@@ -199,7 +199,6 @@ class _Relaxation:
             self.cycles += 1
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
             self._omega = 2.0 * before
-        cap = SEARCH.fast_relaxation if aligned and self.cycles == 0 else self._cap
-        self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, cap))
+        self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, self._cap))
         self._last = difference
         return self._omega

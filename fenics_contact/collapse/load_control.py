@@ -44,7 +44,7 @@ def raise_load(case: LoadCase) -> Collapse:
     tolerance = climb.options.tolerance
     upper = np.inf if bounds.upper is None else bounds.upper
     try:
-        with case.discretization.effort.at_most(SEARCH.load_cost):
+        with case.discretization.effort.at_most(SEARCH.iterated_cost):
             climb.bracket(upper)
     except EffortError as error:
         _log.info("  load control: %s", error)
@@ -105,7 +105,7 @@ def raise_load_to(case: LoadCase, load_factor: float, steps: int) -> tuple[Conta
     climb = _Climb(case)
     if case.has_dead_load:  # its state is found soon or not at all
         rests = False
-        with suppress(EffortError), case.discretization.effort.at_most(SEARCH.rest_cost):
+        with suppress(EffortError), case.discretization.effort.at_most(SEARCH.collapse_cost):
             rests = climb.reaches(0.0)
         if not rests and case.problem.coulomb:
             raise NoEquilibriumError(NOT_KNOWN)
@@ -174,7 +174,7 @@ class _Climb:
         step = 0.25 * min(upper, typical)
         target = 0.0
         again = False
-        for _ in range(SEARCH.load_steps):
+        while True:
             if self.reaches(target):
                 if again:  # the step that failed before may have been too long for the solver alone
                     step = 2.0 * (target - self.steps[-2].load_factor)

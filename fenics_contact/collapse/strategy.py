@@ -11,7 +11,6 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
-from itertools import product
 
 import numpy as np
 
@@ -69,8 +68,8 @@ class WarmStart:
 #: When the interior point method stops next to a state: it succeeds soon or not at all.
 FINISHING = replace(
     SEARCH,
-    interior_window=SEARCH.finish_window,
-    exact_state=SEARCH.finish_acceptable,
+    interior_window=SEARCH.summit_window,
+    exact_state=SEARCH.exact_state / SEARCH.decade**2,
 )
 
 Minimiser = Callable[[ProximalStep, Array], Array]
@@ -129,17 +128,13 @@ def along_block_modes(task: Task) -> Solution:
 
     Where the structure does not follow from the end of that path, it takes over before the products
     fall: with larger products its own path is nearer. Then the same with smaller products, which
-    lead past other folds; then both at more work: the paths at two works have different folds. The
-    record of the load case has the samples of the rise.
+    lead past other folds. The record of the load case has the samples of the rise.
     """
     path = LoadingPath.on_modes(task, "block modes")
     record = task.case.record
     options = task.case.discretization.scene.solve
     levels = options.peak is not False and not options.fast
     first = min(task.case.bonded_work, task.work)
-    parts = 1.0, SEARCH.decade
-    points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
-    risen: dict[float, list[PathSample]] = {part: [] for part in points}
     failed = SolverError("block modes: no end of a path")
 
     def fails(what: str, error: SolverError) -> None:
@@ -149,15 +144,13 @@ def along_block_modes(task: Task) -> Solution:
         _log.info("  %s: %s", what, error)
         failed = error
 
-    works = task.work * SEARCH.further_work ** np.arange(SEARCH.works)
-    for work, part in product(works, parts):
-        if part not in points:
-            continue
-        record.risen = risen[part]
+    for part in (1.0, SEARCH.decade):
+        risen: list[PathSample] = []
+        record.risen = risen
+        start = path.begin(first, part * rising_mu(task))
         try:
-            for sample in path.points(points.pop(part), float(work), levels=levels):
-                record.risen.append(sample)
-            point = points[part] = record.risen.pop().point
+            risen.extend(path.points(start, task.work, levels=levels))
+            point = risen.pop().point
         except SolverError as error:
             fails("block modes", error)
             continue
@@ -312,7 +305,7 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 
 
 #: Iterations on the bound, which a user may ask for, take some 10 states with given friction.
-ITERATED = replace(SEARCH, attempt_cost=SEARCH.iterated_attempt, collapse_cost=SEARCH.iterated_cost)
+ITERATED = replace(SEARCH, collapse_cost=SEARCH.iterated_cost)
 
 
 @dataclass(frozen=True)

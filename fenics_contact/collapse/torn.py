@@ -117,7 +117,7 @@ def torn_collapse(
 
     first = np.zeros(len(joints.length), dtype=bool)
     with case.discretization.effort.at_most(SEARCH.iterated_cost):
-        if settled(collapse, with_opened, first, SEARCH.torn_states + 1):
+        if settled(collapse, with_opened, first, SEARCH.bound_iterations):
             return found[-1], cases[-1]
-    reason = f"joints go on tearing after {SEARCH.torn_states} collapses"
+    reason = f"joints go on tearing after {SEARCH.bound_iterations} collapses"
     return replace(found[-1], status="not_converged", reason=reason), cases[-1]

@@ -75,7 +75,7 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = np.clip(SEARCH.moves * elastic.gap, SEARCH.gap, SEARCH.most_move)
+        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap)
         box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
         start = replace(
             elastic,
@@ -86,7 +86,7 @@ class Certifier:
         mode = self.mode(elastic.force, start)
         if mode is None:
             return None, np.nan
-        mu = max(start.mu, 1e-6 * size / self.model.shape[0]) * SEARCH.far_products
+        mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, box)
         return state or self.least_gap(None, mode.motion), mode.load_factor
 
@@ -103,7 +103,7 @@ class Certifier:
         near = None
         if start is not None:
             near = solve(
-                program, start, Tolerances(10.0 * SEARCH.face_gap), SEARCH.near_products * start.mu
+                program, start, Tolerances(10.0 * SEARCH.face_gap), start.mu / SEARCH.decade
             )
         if near is None or not near.within(1e-5):
             near = solve(program)
@@ -131,7 +131,7 @@ class Certifier:
         program = replace(program, cost=cost, rows=rows)
         found: Iterate | None = None
         if near is not None:
-            goal = SEARCH.certified_gap * model.size(near.load_factor)
+            goal = 10.0 * SEARCH.face_gap * model.size(near.load_factor)
             known = power.bound(model.strength)
 
             def enough(iterate: Iterate) -> bool:

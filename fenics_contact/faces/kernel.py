@@ -166,7 +166,7 @@ def solve(
         least = np.inf
         best_step = 0
         short = 0
-        for step in range(options.face_steps + 1):
+        for step in range(options.interior_steps + 1):
             here = _Local(method, point)
             iterate = here.iterate
             score = max(
@@ -180,7 +180,7 @@ def solve(
                 best_step = step
             if score < 1.0 or enough(iterate):
                 return replace(iterate, solved=True)
-            if step == options.face_steps or step > best_step + options.face_stale:
+            if step == options.interior_steps or step > best_step + options.face_stale:
                 break
             try:
                 point, length = here.advanced()
@@ -488,7 +488,7 @@ class _Local:
 
     def _pushed(self, step: Point, target: float) -> Point:
         """A step with outlying products pushed back, as long as that makes it longer."""
-        band = self.method.options.product_band
+        decade = self.method.options.decade
         length = self._straight(step)
         for _ in range(self.method.options.pushes if length < 0.9 else 0):
             tried = min(1.0, 1.3 * min(length, 1.0) + 0.1)
@@ -497,7 +497,7 @@ class _Local:
             parts = zip(self.method.cones, self.scaled, step.slacks, step.duals, strict=True)
             for cone, one, ds, dz in parts:  # (l + a W^-1 ds) o (l + a W dz)
                 after = one.products + tried * one.linear(ds, dz) + tried**2 * one.cross(ds, dz)
-                changes.append(cone.pushed(after, aim * (1.0 / band), aim * band))
+                changes.append(cone.pushed(after, aim * decade, aim / decade))
             more = step.plus(self._direction(changes, 0.0))
             longer = self._straight(more)
             if longer < 1.02 * length:

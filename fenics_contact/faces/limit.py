@@ -64,7 +64,7 @@ class FaceSearch:
         self.best: FaceState | None = None
         self.attempts: list[FaceAttempt] = []
         self._asked = asked
-        self._effort = SEARCH.face_effort if effort is None else effort
+        self._effort = SEARCH.collapse_cost if effort is None else effort
         self._check_stop = check_stop
         self._certifier = Certifier(model, self.equations)
 
@@ -129,8 +129,9 @@ class FaceSearch:
             work *= SEARCH.work_growth if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, SEARCH.rough_gap)
             limit = self._certified("Coulomb's law", state, work)
-            below = limit - state.load_factor > SEARCH.far_limit * model.size(state.load_factor)
-            if self._found or self.is_spent or not (state.gap < SEARCH.face_state_gap and below):
+            below = limit - state.load_factor > SEARCH.far_apart * model.size(state.load_factor)
+            near = state.gap < SEARCH.rough_gap / SEARCH.decade
+            if self._found or self.is_spent or not (near and below):
                 break
         return state, work
 
@@ -154,9 +155,9 @@ class FaceSearch:
             change = model.free_friction * np.abs(own - pressed)
             missed = (1.0 - theta) * float(np.sum(change * slip))
             missed /= work * model.size(state.load_factor)
-            near = state.gap < SEARCH.face_state_gap
+            near = state.gap < SEARCH.rough_gap / SEARCH.decade
             pressed = own if near else 0.5 * (pressed + own)
-            if near and missed < SEARCH.part_tried:
+            if near and missed < SEARCH.part_gap:
                 self._certified(f"theta {theta:g}", state, work)
                 if self._found or missed < SEARCH.gap:
                     break

@@ -182,7 +182,7 @@ def _compliance(layout: Layout, faces: Faces, length: Array) -> Array:
     used = length[length > 0.0]
     typical = float(np.median(used)) if len(used) else 1.0
     young = max(material.young for material in layout.scene.materials.values())
-    length = np.maximum(length, SEARCH.shortest_face * typical)
+    length = np.maximum(length, SEARCH.small_factor * typical)
     normal = typical / (0.5 * young * length)
     shear = typical / (0.4 * young * length)
     own = joints.compliance[faces.ends[:, 0]]

@@ -52,7 +52,7 @@ def associative_end(model: FaceModel) -> float | None:
     Args:
         model: The faces; slip is taken to be associative, with the dilatancy F.
     """
-    firm = replace(SEARCH, regularization=SEARCH.firm_proximal)
+    firm = replace(SEARCH, regularization=SEARCH.feasibility)
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -85,7 +85,7 @@ def associative_end(model: FaceModel) -> float | None:
             return False
         return abs(end - reached) <= SEARCH.rounding * model.size(reached)
 
-    for _ in range(SEARCH.end_searches):
+    for _ in range(SEARCH.works):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
         found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor

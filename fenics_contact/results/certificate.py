@@ -39,9 +39,9 @@ def tolerances() -> dict[str, float]:
     return {
         **dict.fromkeys((*state, "mode_work", "bracket", "crushing"), SEARCH.verified),
         **dict.fromkeys(("friction", "slip_direction", "mode_penetration"), SEARCH.verified_slip),
-        **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.verified_mode),
+        **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.verified_slip),
         "work": SEARCH.rounding,
-        "limit": SEARCH.verified_gap,
+        "limit": SEARCH.verified,
     }
 
 

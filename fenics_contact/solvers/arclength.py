@@ -17,6 +17,7 @@ not reach the path, this one led too far, and is made again, shorter.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 from collections.abc import Iterator
@@ -112,7 +113,7 @@ class Continuation:
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
         kkt = replace(self.kkt, work=start.work)
-        return PathPoint(kkt.on_central_path(start, mu, SEARCH.from_bound), mu, start.work)
+        return PathPoint(kkt.on_central_path(start, mu, SEARCH.nothing), mu, start.work)
 
     def follow(self, point: PathPoint, end: float) -> PathPoint:
         """The point where the path ends that `points` follows."""
@@ -132,8 +133,8 @@ class Continuation:
             Points with d(lambda)/ds; the last one, without it, is the end.
 
         Raises:
-            SolverError: If the path is lost, takes too many steps, or wanders: it has not advanced
-                by log 2 for too many of them.
+            SolverError: If the path is lost, or wanders: it has not advanced by log 2 for too many
+                steps.
         """
         options = self.options
         goal = self.path.progress(end, end) + options.small_factor
@@ -141,7 +142,7 @@ class Continuation:
         before: PathPoint | None = None  # where the last step that reached the path began
         best = self._progress(point)
         best_step = astray = 0
-        for step in range(options.path_steps):
+        for step in itertools.count():
             progress = self._progress(point)
             if progress >= goal - 0.5 * options.small_factor:
                 yield self.settled(point, options.path_close)
@@ -167,7 +168,6 @@ class Continuation:
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *point.numbers)
             if astray > options.no_progress or not np.all(np.isfinite(point.numbers)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
-        raise SolverError(f"central path: not at its end after {options.path_steps} steps")
 
     def without_products(self, point: PathPoint) -> float:
         """Load factor with products zero at the point passed last, to first order.

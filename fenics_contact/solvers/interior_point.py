@@ -80,7 +80,7 @@ def solve_interior_point(
     asked = tolerances.residual
     anything = tolerances.load_factor == np.inf
     typical = SEARCH.small_factor * kkt.scales.load_factor
-    now = best = kkt.on_central_path(start, mu, SEARCH.from_bound if mu >= 1.0 else 0.0)
+    now = best = kkt.on_central_path(start, mu, SEARCH.nothing if mu >= 1.0 else 0.0)
     reached = np.inf  # error of the best iterate
     best_sizes: dict[str, float] = {}
     best_is_last = False

@@ -393,7 +393,7 @@ class JointForceSolver(Closing):
         self.history.steps += len(errors)
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
-        if not best[0] <= max(tolerance, SEARCH.finish_acceptable):
+        if not best[0] <= max(tolerance, SEARCH.exact_state / SEARCH.decade**2):
             raise SolverError(f"{reached}, asked {tolerance:.1e}")
         return best[1], best[2]
 

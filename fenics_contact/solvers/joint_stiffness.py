@@ -219,7 +219,7 @@ class JointStiffness(Closing):
         if self._kind == GENERAL:
             pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
             values = {**PLAIN, "cntl_4": float(pivot)}
-            small = self._matrix.getSize()[0] <= SEARCH.minimum_fill
+            small = self._matrix.getSize()[0] <= SEARCH.large_system
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:
                 values["icntl_7"] = MINIMUM_FILL

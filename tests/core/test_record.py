@@ -82,13 +82,13 @@ def test_reason_where_nothing_is_verified():
 
 def test_reason_where_the_limit_of_factorisations_ends_the_search():
     """It is named, with all attempts of the method; more time would not help."""
-    work = replace(SEARCH, collapse_cost=7.0, attempt_cost=5.0)
+    work = replace(SEARCH, collapse_cost=6.0)
     attempts = interior_point, along_falling_products
     with load_case(wall_recipe("W3", coulomb(0.65)).scene(1)) as case:
         strategy = Strategy(attempts, GENERAL, options=work)
         end = explained(case, find_collapse(case, strategy, 1e-6))
     assert end.status == "not_converged" and "more time" not in end.reason
-    assert end.reason.startswith("the search ended at its limit of 7 factorisations; no state was ")
+    assert end.reason.startswith("the search ended at its limit of 6 factorisations; no state was ")
     assert "the interior point method found no state" in end.reason
     assert "the path of falling products found no state" in end.reason
     assert len(end.attempts) == 2

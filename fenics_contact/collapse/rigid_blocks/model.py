@@ -468,7 +468,7 @@ class _Search:
             # Faces that slip and whose n is not known yet, those with the most power first.
             power = self.model.planar.model.free_friction * limit.slip * self._doubt(part)
             order = np.argsort(-power, kind="stable")
-            faces = order[power[order] > SEARCH.unloaded * power.max(initial=0.0)]
+            faces = order[power[order] > SEARCH.nothing * power.max(initial=0.0)]
             if not len(faces):
                 return limit.factor, part.least
             # At first the slice may turn out to be no gain.
@@ -484,7 +484,7 @@ class _Search:
         """Differences of what n may be, N/m, up to the unit of forces; 0 where it is known."""
         unit = self.model.unit
         doubt = np.minimum(part.most - part.least, unit)
-        return np.where(doubt > SEARCH.unloaded * unit, doubt, 0.0)
+        return np.where(doubt > SEARCH.nothing * unit, doubt, 0.0)
 
     def _minimise(self, part: _Slice, faces: Indices) -> None:
         """Find n of faces of a slice, all together while that halves the doubt."""
