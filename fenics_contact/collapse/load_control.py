@@ -241,7 +241,7 @@ def capacity_curve(
     points: int,
     monitor: Callable[[int, int, CapacityPoint], None],
 ) -> list[CapacityPoint]:
-    """Load factors at rising work up to a collapse and a little beyond, through its peak.
+    """Load factors at rising work up to a collapse and a little beyond.
 
     Slip is measured from the stress-free state. With load control its steps are the points. Points
     at which no state was found have nan, and are not `converged`. The monitor is told the number

@@ -2,7 +2,7 @@
 
 There is one path for all that is asked. Its points have small products mu > 0 (`kkt`), on block
 modes or on the structure itself; a point is *settled* where the products go to zero on the
-structure. The collapse is settled at the end of the path, its peak where it is highest, and the
+structure. The collapse is settled at the end of the path, the most it carries at its top, and the
 capacity curve at given works.
 """
 
