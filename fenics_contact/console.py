@@ -86,6 +86,10 @@ class Progress:
     def close(self) -> None:
         """Leave the console clean."""
 
+    def of_worker(self) -> Progress | None:
+        """Lines by another process stand between these; nobody draws into a bar."""
+        return self if type(self) is Progress else None
+
 
 class ProgressBar(Progress):
     """A bar that fills as the load factor nears the upper end of its bracket.

@@ -5,18 +5,19 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from dolfinx import fem
 
 from fenics_contact.accuracy import to_accuracy
-from fenics_contact.answers.question import answered, of_curve
+from fenics_contact.answers.question import answered, begun, of_curve
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
@@ -48,6 +49,7 @@ from fenics_contact.results.result import (
     skipped_iterations,
 )
 from fenics_contact.scene.scene import Scene
+from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, ranks_of, result_of
 
 _log = logging.getLogger("fenics_contact")
 
@@ -216,6 +218,10 @@ class Monitor(Protocol):
         """After a point of the capacity curve."""
         return
 
+    def of_worker(self) -> Monitor | None:
+        """What is told of another direction by another process; None for nobody."""
+        return None
+
 
 class _Silent(Monitor):
     """A monitor that says nothing."""
@@ -224,10 +230,11 @@ class _Silent(Monitor):
 class _Direction(Listener):
     """Tells a monitor of the path in one direction, on rank 0 with the end of the bracket."""
 
-    def __init__(self, monitor: Monitor, name: str, cases: Mapping[str, LoadCase]) -> None:
+    case: LoadCase | None = None
+
+    def __init__(self, monitor: Monitor, name: str) -> None:
         self._monitor = monitor
         self._name = name
-        self._cases = cases
 
     def phase(self, name: str) -> None:
         """Something else begins."""
@@ -235,12 +242,10 @@ class _Direction(Listener):
 
     def passed(self, point: TracePoint) -> None:
         """A point of the path was passed."""
-        if isinstance(self._monitor, _Silent):
+        if isinstance(self._monitor, _Silent) or self.case is None:
             return
-        case = self._cases[self._name]
-        limit = case.blocks.limit_so_far() if case.problem.comm.rank == 0 else None
-        upper = None if limit is None else case.sign * limit
-        self._monitor.passed(self._name, point, upper)
+        limit = self.case.blocks.limit_so_far() if self.case.problem.comm.rank == 0 else None
+        self._monitor.passed(self._name, point, None if limit is None else self.case.sign * limit)
 
 
 @checked
@@ -250,6 +255,7 @@ def limit_load(
     *,
     progress: bool = False,
     stop: Callable[[], str] = lambda: "",
+    beside: Executor | None = None,
 ) -> LimitLoad:
     """Compute the limit load of a scene.
 
@@ -260,6 +266,8 @@ def limit_load(
         progress: Print how it goes, on rank 0, where there is no monitor.
         stop: Asked now and then, on every rank, who wants the run to end, in words; empty while
             nobody does. What is known by then is the result.
+        beside: Does whole tasks beside this process, see `fenics_contact.workers`: the other
+            direction, brackets, other collapse states. The answer is the same without.
 
     Returns:
         The result; look at its status.
@@ -276,22 +284,23 @@ def limit_load(
     with Discretization(scene) as discretization:
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
-        result = limit_load_of(discretization, monitor, asked)
+        result = limit_load_of(discretization, monitor, asked, beside)
     if scene.solve.accuracy is not None and result.status == "limit":
 
         def on(finer: Scene) -> LimitLoad:
             with Discretization(finer) as discretization:
-                return limit_load_of(discretization, monitor, asked)
+                return limit_load_of(discretization, monitor, asked, beside)
 
         result = to_accuracy(result, on)
     total = {"total": time.perf_counter() - start}
-    return replace(result, seconds={**result.seconds, **total})
+    return replace(result, seconds={**result.seconds, **total}, ranks=ranks_of(beside))
 
 
 def limit_load_of(
     discretization: Discretization,
     monitor: Monitor | None = None,
     asked: Callable[[], str] | None = None,
+    beside: Executor | None = None,
 ) -> LimitLoad:
     """The limit load of a discretised scene; see `limit_load`.
 
@@ -303,7 +312,7 @@ def limit_load_of(
     discretization.end_when(asked or within(scene.solve.time))
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     try:
-        return _solved(discretization, monitor, seconds)
+        return _solved(discretization, monitor, seconds, beside or InPlace())
     except Stopped as stop:
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
@@ -318,7 +327,10 @@ def _directions(scene: Scene) -> tuple[str, ...]:
 
 
 def _solved(
-    discretization: Discretization, monitor: Monitor, seconds: dict[str, float]
+    discretization: Discretization,
+    monitor: Monitor,
+    seconds: dict[str, float],
+    beside: Executor,
 ) -> LimitLoad:
     """The limit load of a discretised scene; `seconds` gets the time of every phase.
 
@@ -326,7 +338,7 @@ def _solved(
         Stopped: If the run is to end before any collapse is looked for.
     """
     scene = discretization.scene
-    asked = _directions(scene)
+    here, *others = _directions(scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization, check_stop=discretization.effort.wait)
     lower = 0.0 if blocks.frictionless.stands() else None
@@ -334,67 +346,111 @@ def _solved(
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
         return _result(discretization, {}, seconds, fall)
+    parts: dict[str, Future[_Part]] = {}
+    if not isinstance(beside, InPlace):
+        for name in others:
+            alone = replace(scene, solve=replace(scene.solve, direction=name))
+            parts[name] = beside.submit(solved_beside, alone, monitor.of_worker())
     kind = strategy_of(scene).kind
     monitor.phase("one elastic solve with closed joints")
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
-    start = time.perf_counter()
-    cases: dict[str, LoadCase] = {}
-    for name, sign in SIGNS.items():
-        listener = _Direction(monitor, name, cases) if name in asked else None
+    ends: dict[str, Collapse] = {}
+    for name in (here,) if parts else (here, *others):
+        listener = _Direction(monitor, name)
         told = partial(monitor.step, name)
-        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
-    found, cost = _collapses(cases, asked, lower)
-    seconds["solve"] = time.perf_counter() - start
-    found = answered(cases, found, cost, monitor.phase, seconds)
-    for name, end in found.items():
-        if end.status == "limit" and not blocks.crushes:
-            least = end.joints and least_forces(cases[name].discretization, end.joints)
-            found[name] = replace(end, joints=least)
-        if end.status == "limit" and end.joints is not None:
-            turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
-            pressed = pressed_too_much(scene, discretization.joints, end.joints.normal_force)
-            found[name] = replace(found[name], rolling=turned, pressed=pressed)
-        if discretization.effort.watch.reason:  # as far as it is known without a long program
-            so_far = LimitBounds(lower, cases[name].blocks.limit_so_far(), lower)
-            program = partial(known_bounds, scene.comm.bcast(so_far))
-            found[name] = replace(found[name], program=program)
-    ends = {name: signed(found[name], SIGNS[name]) for name in asked}
-    return _result(discretization, ends, seconds)
+        listener.case = LoadCase.of(discretization, bonded, SIGNS[name], kind, told, listener)
+        found = _collapse(replace(listener.case, beside=beside), lower, monitor, seconds)
+        ends[name] = signed(found, SIGNS[name])
+    result = _result(discretization, ends, seconds)
+    for name, part in parts.items():
+        try:
+            known = result_of(part, discretization.effort.wait)
+        except Stopped as stop:
+            known = last_result_of(part, beside) or _nothing(name, str(stop))
+        result = _with_part(result, known)
+    return result
 
 
-def _collapses(
-    cases: dict[str, LoadCase],
-    asked: Sequence[str],
-    lower: float | None,
-) -> tuple[dict[str, Collapse], float]:
-    """Collapses by direction, and the cost of one; what is known, where the run is stopped.
+class _Part(NamedTuple):
+    """What a worker found in one direction."""
 
-    `cases` become those whose joints are torn as at the collapse. `lower` is 0 where the dead load
-    stands without friction, and None where it does not.
+    ends: dict[str, Collapse]
+    skipped: tuple[str, ...]
+    factorizations: int
+    mode_factorizations: int
+    cost: float
+    stopped: str
+
+
+def _nothing(direction: str, reason: str) -> _Part:
+    """That nothing is known of one direction."""
+    unknown = partial(known_bounds, LimitBounds(None, None))
+    end = Collapse("not_converged", math.nan, unknown, reason=reason, sign=SIGNS[direction])
+    return _Part({direction: end}, (), 0, 0, 0.0, reason)
+
+
+def solved_beside(scene: Scene, monitor: Monitor | None) -> _Part:
+    """A task: collapse and bracket of a scene with one direction."""
+    with Discretization(scene) as made:
+        found = limit_load_of(made, monitor, within(scene.solve.time, asked_to_stop))
+    for end in found.ends.values():
+        end.program()
+    return _Part(*(getattr(found, name) for name in _Part._fields))
+
+
+def _with_part(result: LimitLoad, part: _Part) -> LimitLoad:
+    """A result with what a worker found."""
+    return replace(
+        result,
+        ends={**result.ends, **part.ends},
+        skipped=tuple(dict.fromkeys((*result.skipped, *part.skipped))),
+        factorizations=result.factorizations + part.factorizations,
+        mode_factorizations=result.mode_factorizations + part.mode_factorizations,
+        cost=result.cost + part.cost,
+        stopped=result.stopped or part.stopped,
+    )
+
+
+def _collapse(
+    case: LoadCase, lower: float | None, monitor: Monitor, seconds: dict[str, float]
+) -> Collapse:
+    """The collapse of a load case with all that its scene asks for.
+
+    `lower` is 0 where the dead load stands without friction, and None where it does not. Where the
+    run is stopped it is what is known.
     """
-    first = cases[asked[0]]
-    effort = first.discretization.effort
-    tears = bool(np.any(first.discretization.joints.losing))
+    whole = case.discretization
+    effort = whole.effort
     before = effort.spent
-    found: dict[str, Collapse] = {}
+    start = time.perf_counter()
+    if not isinstance(case.beside, InPlace):
+        case.blocks.begin(case.beside)
+    tasks = begun(case)
     try:
-        stands = lower is not None or rests(first.discretization)
-        if not stands and service_state(first, 0.0).status != "equilibrium":
-            for name in asked:
-                bounds = cases[name].blocks.bounds
-                found[name] = Collapse("no_equilibrium", math.nan, bounds, reason=NOT_KNOWN)
-            return found, effort.spent - before
-        before = effort.spent
-        for name in asked:
-            if tears:
-                found[name], cases[name] = torn_collapse(cases[name], collapse_by_engine)
-            else:
-                found[name] = collapse_by_engine(cases[name])
+        stands = lower is not None or rests(whole)
+        if not stands and service_state(case, 0.0).status != "equilibrium":
+            end = Collapse("no_equilibrium", math.nan, case.blocks.bounds, reason=NOT_KNOWN)
+        elif np.any(whole.joints.losing):
+            before = effort.spent
+            end, case = torn_collapse(case, collapse_by_engine)
+        else:
+            before = effort.spent
+            end = collapse_by_engine(case)
     except Stopped as stop:
-        found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
-    cost = (effort.spent - before) / max(len(found), 1)
-    return {name: explained(cases[name], found[name]) for name in asked}, cost
+        end = unfinished(case, str(stop))
+    seconds["solve"] = seconds.get("solve", 0.0) + time.perf_counter() - start
+    end = answered(case, explained(case, end), effort.spent - before, tasks, monitor.phase, seconds)
+    if end.status == "limit" and not case.blocks.crushes:
+        end = replace(end, joints=end.joints and least_forces(case.discretization, end.joints))
+    if end.status == "limit" and end.joints is not None:
+        turned = turn_in(whole.joints.without_ties(), end.joints.normal_force)
+        pressed = pressed_too_much(whole.scene, whole.joints, end.joints.normal_force)
+        end = replace(end, rolling=turned, pressed=pressed)
+    if effort.watch.reason:  # as far as it is known without a long program
+        so_far = LimitBounds(lower, case.blocks.limit_so_far(), lower)
+        end = replace(end, program=partial(known_bounds, whole.scene.comm.bcast(so_far)))
+    return end
 
 
 def _result(

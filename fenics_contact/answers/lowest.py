@@ -7,8 +7,12 @@ proved gap. None proves that there is no lower one: that is what the bracket is 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
+
+import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.face_collapse import collapse_of
@@ -17,12 +21,14 @@ from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
+from fenics_contact.workers import result_of
 
 #: A state is lower by this part of the load factor's size at least.
 LOWER = 2e-3
@@ -64,11 +70,18 @@ class LowestAnswer(Asked):
     @classmethod
     def concerns(cls, question: Question) -> bool:
         """Whether friction is Coulomb's; many blocks only if asked for, at the collapse's cost."""
-        options = question.options
-        asked = options.states == "lowest" or options.lowest
-        return question.case.problem.coulomb and (
-            bool(asked) or question.case.block_count < SEARCH.many_blocks
-        )
+        return _sought(question.case)
+
+    @classmethod
+    def begin(cls, case: LoadCase) -> Future[_Found] | None:
+        """The searches: they need no collapse."""
+        if not _sought(case) or np.any(case.discretization.joints.losing):
+            return None
+        every = case.discretization.scene.solve.states == "lowest"
+        names = list(STARTS) if every else list(STARTS)[:1]
+        effort = None if every else SEARCH.usual_effort
+        model = case.blocks.model.planar.model
+        return case.beside.submit(searched, model, names, effort, case.wait)
 
     @classmethod
     def not_known(cls, reason: str) -> Self:
@@ -84,9 +97,11 @@ class LowestAnswer(Asked):
         case = question.case
         end = question.end
         every = question.options.states == "lowest"
-        names = list(STARTS) if every else list(STARTS)[:1]
-        faces = PlanarFaces.of(case.discretization, case.sign)
-        found = case.problem.comm.bcast(_searched(case, faces, names))
+        found: Any = None
+        if case.problem.comm.rank == 0:
+            task = question.begun or cls.begin(case)
+            found = result_of(task, case.discretization.effort.wait) if task else None
+        found = case.problem.comm.bcast(found)
         if found.stopped:
             case.discretization.effort.watch.reason = found.reason
         if found.reason or not found.states:
@@ -104,6 +119,7 @@ class LowestAnswer(Asked):
         others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
         known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
         if lower and every:
+            faces = PlanarFaces.of(case.discretization, case.sign)
             collapse = collapse_of(case, faces, best, SEARCH.lowest_allowed)
             if collapse.status == "limit":
                 found_by = {"attempts": end.attempts, "trace": end.trace}
@@ -152,17 +168,21 @@ class LowestAnswer(Asked):
         return Table(rows)
 
 
-def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | None:
-    """The searches of rank 0."""
-    if case.problem.comm.rank != 0:
-        return None
-    asked = case.discretization.scene.solve.states == "lowest"
-    effort = None if asked else SEARCH.usual_effort
-    wait = case.discretization.effort.wait
+def _sought(case: LoadCase) -> bool:
+    """Whether friction is Coulomb's; many blocks only if asked for, at the collapse's cost."""
+    options = case.discretization.scene.solve
+    asked = options.states == "lowest" or options.lowest
+    return case.problem.coulomb and (bool(asked) or case.block_count < SEARCH.many_blocks)
+
+
+def searched(
+    model: FaceModel, names: list[str], effort: int | None, wait: Callable[[], None]
+) -> _Found:
+    """A task: states from some starts, with so many factorisations each."""
     states: dict[str, FaceState] = {}
     try:
         for name in names:
-            search = FaceSearch(faces.model, SEARCH.side_accuracy, effort, wait)
+            search = FaceSearch(model, SEARCH.side_accuracy, effort, wait)
             state = lowest_from(search, STARTS[name])
             if state is not None:
                 states[name] = state

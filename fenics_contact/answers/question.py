@@ -8,8 +8,9 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -28,12 +29,14 @@ class Question:
         end: The collapse; load factors have the sign of the load case.
         cost: Of the collapse, in units of one factorisation of the structure.
         by_curve: Whether a capacity curve is traced, so that the path is followed anyway.
+        begun: What was begun before the collapse was known; None for nothing.
     """
 
     case: LoadCase
     end: Collapse
     cost: float
     by_curve: bool = False
+    begun: Future[Any] | None = None
 
     @property
     def options(self) -> SolveOptions:
@@ -97,6 +100,11 @@ class Asked(Answer):
         return None
 
     @classmethod
+    def begin(cls, case: LoadCase) -> Future[Any] | None:
+        """Begin beside the search for the collapse what needs none; None for nothing."""
+        return None
+
+    @classmethod
     @abstractmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:
         """The answer, or None, and the collapse with what else was found of it. Collective.
@@ -112,24 +120,32 @@ def kinds() -> list[type[Asked]]:
     return sorted(found, key=lambda kind: not kind.may_replace)
 
 
+def begun(case: LoadCase) -> dict[str, Future[Any]]:
+    """What of the answers that a scene asks for needs no collapse, by name."""
+    asked = [kind for kind in kinds() if kind.is_asked(case.discretization.scene.solve)]
+    tasks = {kind.name: kind.begin(case) for kind in asked}
+    return {name: task for name, task in tasks.items() if task is not None}
+
+
 def answered(
-    cases: Mapping[str, LoadCase],
-    found: Mapping[str, Collapse],
+    case: LoadCase,
+    end: Collapse,
     cost: float,
+    tasks: Mapping[str, Future[Any]],
     begin: Callable[[str], None],
     seconds: dict[str, float],
-) -> dict[str, Collapse]:
-    """Collapses with all that their scene asks for beside the load factors. Collective.
+) -> Collapse:
+    """A collapse with all that its scene asks for beside the load factor. Collective.
 
     Args:
-        cases: By direction.
-        found: Collapses by direction.
-        cost: Of one of them, in units of one factorisation of the structure.
+        case: Its load case.
+        end: The collapse.
+        cost: Of it, in units of one factorisation of the structure.
+        tasks: What was begun before it was known, see `begun`.
         begin: Told what begins.
         seconds: Gets the time of every answer.
     """
-    ends = dict(found)
-    made = next(iter(cases.values())).discretization
+    made = case.discretization
     options = made.scene.solve
     for kind in kinds():
         if not kind.is_asked(options):
@@ -137,11 +153,11 @@ def answered(
         start = time.perf_counter()
         if kind.begins and not (options.fast or made.effort.watch.reason):
             begin(kind.begins)
-        for name, end in ends.items():
-            ends[name] = asked(kind, Question(cases[name], end, cost))
+        end = asked(kind, Question(case, end, cost, begun=tasks.get(kind.name)))
         if kind.seconds:
-            seconds[kind.seconds] = time.perf_counter() - start
-    return ends
+            spent = seconds.get(kind.seconds, 0.0)
+            seconds[kind.seconds] = spent + time.perf_counter() - start
+    return end
 
 
 def asked(kind: type[Asked], question: Question) -> Collapse:

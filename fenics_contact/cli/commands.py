@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,14 +16,17 @@ from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, SweepProgress, description, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import BAD_INPUT, EXIT_CODES, InputError, raised_together
+from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.toml_tables import read_toml
+from fenics_contact.workers import InPlace, Processes, Signals, ranks, ranks_of
 
-#: Signals that end a run early, with what is known by then; the exit code is this and the number.
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+#: The exit code of a run that a signal ended is this and its number.
 BY_SIGNAL = 128
+#: Size of a mesh file, bytes, from which on no rank holds the whole mesh unless asked to.
+LARGE_FILE = 250_000_000
 #: Endings of files that runs write.
 WRITTEN = (".json", ".csv", ".png", ".svg", ".pdf", ".html")
 #: What `stands` answers, by status; the last one is without a proof of "no_equilibrium".
@@ -36,29 +39,61 @@ ANSWERS: Mapping[str, str] = {
 NOT_PROVED = "no equilibrium was found"
 
 
-@contextlib.contextmanager
-def _signals() -> Iterator[list[int]]:
-    """Numbers of the signals that came and ask to end a run: what is known by then is written.
+Tasked = Callable[[argparse.Namespace, MPI.Intracomm, Executor], int]
 
-    They are Ctrl-C, SIGTERM (batch systems), and SIGUSR1, which mpirun passes on to its ranks
-    without killing them. Ctrl-C once more ends at once.
+
+def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracomm], int]:
+    """A command on one rank that hands tasks to the others, or to processes (`--jobs`).
+
+    Where a scene shares its mesh out among the ranks, all of them run the command.
     """
-    came: list[int] = []
 
-    def note(number: int, _: object) -> None:
-        if came and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        came.append(number)
+    def run(options: argparse.Namespace, comm: MPI.Intracomm) -> int:
+        if options.jobs < 1:
+            raise InputError(f"jobs = {options.jobs} must be at least 1")
+        if comm.size > 1 and options.jobs > 1:
+            raise InputError(
+                f"--jobs {options.jobs} under mpirun: the ranks share the tasks; leave out one of"
+                " both"
+            )
+        if comm.size == 1:
+            with Processes(options.jobs - 1) if options.jobs > 1 else InPlace() as beside:
+                return command(options, comm, beside)
+        if _shares_mesh(options, comm):
+            return command(options, comm, InPlace())
+        code = 0
+        failure: ContactError | None = None
+        with contextlib.ExitStack() as stack:
+            if comm.rank != 0:
+                stack.enter_context(Signals())
+            others = stack.enter_context(ranks(comm))
+            if others is not None:
+                try:
+                    code = command(options, MPI.COMM_SELF, others)
+                except ContactError as error:
+                    failure = error
+        code, failure = comm.bcast((code, failure))
+        if failure is not None:
+            raise failure
+        return code
 
-    before = {number: signal.signal(number, note) for number in STOPPING}
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return run
 
 
-def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
+def _shares_mesh(options: argparse.Namespace, comm: MPI.Intracomm) -> bool:
+    """Whether a scene's mesh is shared out among the ranks: if it says so, or if it is large."""
+    tables = read_toml(options.scene, comm, options.overrides)
+    with contextlib.suppress(AttributeError, KeyError, TypeError, OSError):
+        asked = tables.get("solve", {}).get("distribute")
+        if isinstance(asked, bool):
+            return asked
+        size = (options.scene.parent / tables["mesh"]["file"]).stat().st_size
+        return bool(comm.bcast(size > LARGE_FILE))
+    return False
+
+
+@_with_workers
+def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) -> int:
     """Read a scene, find its limit load, print it and write its files."""
     start = time.perf_counter()
     loud = comm.rank == 0 and not options.quiet
@@ -72,31 +107,28 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast])
     read = time.perf_counter() - start
-    say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
+    count = comm.size * ranks_of(beside)
+    say(f"{counted(scene.mesh.body_count, 'block')} on {counted(count, 'rank')}")
     # mpirun passes a terminal on even where its own output goes to a file.
-    shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
-    with _signals() as came:
-
-        def stop() -> str:
-            """Who asked this rank to end the run; empty if nobody did."""
-            return signal.Signals(came[0]).name if came else ""
-
-        def first() -> int:
-            """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
-            return int(comm.allreduce(came[0] if came else 0, MPI.MAX))
-
+    shown = ProgressBar if count == 1 and sys.stdout.isatty() else Progress
+    with Signals() as signals:
         with contextlib.closing(shown(scene.solve.tolerance)) as progress:
             monitor = progress if loud else None
-            result = limit_load(scene, monitor, stop=stop)
+            result = limit_load(scene, monitor, stop=signals, beside=beside)
             if scene.output.capacity and not result.stopped:
                 result = result.with_capacity(monitor, stop=stop)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
-        result.write(folder, lambda: first() > 0)
+        result.write(folder, lambda: _first(signals, comm) > 0)
         say(f"written to {folder}")
-        number = first()
+        number = _first(signals, comm)
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
+
+
+def _first(signals: Signals, comm: MPI.Comm) -> int:
+    """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
+    return int(comm.allreduce(signals.number, MPI.MAX))
 
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -163,7 +195,6 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the state under the dead load, or at a load factor, print it and write its files."""
     from fenics_contact.equilibrium import standing
     from fenics_contact.geometry.mesh import BlockMesh
-    from fenics_contact.scene.toml_tables import read_toml
 
     folder = _output_folder(options, comm, "_state")
     factor = options.load_factor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from fenics_contact.solvers.interior_point import Solution, Tolerances
 from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+from fenics_contact.workers import InPlace, check_asked_to_stop
 
 #: Sign of the live load by direction.
 SIGNS = {"positive": 1.0, "negative": -1.0}
@@ -39,6 +41,7 @@ class LoadCase:
         stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
         record: What is tried for this load case.
+        beside: Does tasks beside it.
     """
 
     discretization: Discretization
@@ -51,6 +54,7 @@ class LoadCase:
     stiffness: JointStiffness
     sign: float = 1.0
     record: Record = field(default_factory=Record)
+    beside: Executor = field(default_factory=InPlace)
 
     @classmethod
     def of(
@@ -100,6 +104,12 @@ class LoadCase:
     def unrecorded(self) -> LoadCase:
         """The same with a record of its own, which nobody reads."""
         return replace(self, record=Record())
+
+    @property
+    def wait(self) -> Callable[[], None]:
+        """What tasks ask now and then whether to go on; it raises `Stopped`."""
+        here = isinstance(self.beside, InPlace)
+        return self.discretization.effort.wait if here else check_asked_to_stop
 
     def written(self, state: State) -> State:
         """A state with its displacements u in place of u - u_d, and the work on these."""

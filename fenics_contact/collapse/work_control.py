@@ -201,7 +201,8 @@ class _Search:
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.is_unlimited()
-        if blocks.frictionless.is_unlimited():
+        # What is unlimited without friction is so with it: that program is needed anyway.
+        if blocks.is_unlimited() and blocks.frictionless.is_unlimited():
             return True
         if self._line is None:  # does the load factor grow with the work?
             last = self.found[-3:]

@@ -373,6 +373,7 @@ def result_record(result: Result) -> Record:
     pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
     return record | {
         **origin_record(result.layout),
+        "ranks": max(result.ranks, scene.comm.size),
         "ends": ends,
         "directions": directions,
         "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],

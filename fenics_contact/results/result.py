@@ -408,6 +408,7 @@ class Result:
         passes: What was found on the way to the accuracy wished.
         inaccurate: Why that accuracy was not reached, for people; empty where it was.
         stopped: Why the run was ended early, for people; empty where it was not.
+        ranks: How many ranks shared the mesh, or the tasks.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -424,6 +425,7 @@ class Result:
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
     stopped: str = ""
+    ranks: int = 1
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""

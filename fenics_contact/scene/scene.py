@@ -443,6 +443,9 @@ class SolveOptions(_Checked):
             blocks on.
         fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
             says more about them.
+        distribute: Whether several ranks share out the mesh: False, or None where the mesh file is
+            no larger than 250 MB: each holds the whole mesh, and they share the tasks. Of the
+            command line; a scene made in Python shares its mesh as `BlockMesh` was given ranks.
     """
 
     method: str = _one_of("auto", "fixed-point", "monolithic", "splitting", "active-set")
@@ -459,6 +462,7 @@ class SolveOptions(_Checked):
     engine: str = _one_of("auto", "path", "faces")
     gap: float | None = _ruled(_rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
+    distribute: bool | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -102,19 +102,20 @@ def arrays(part: ET.Element, section: str) -> dict[str, np.ndarray]:
     return found
 
 
-def wall_on(ranks: int) -> Any:
+def wall_on(ranks: int, *more: str) -> Any:
     """A fixture: the wall solved on so many ranks, for all tests."""
 
     @pytest.fixture(scope="module")
     def made(tmp_path_factory) -> Solved:
         folder = tmp_path_factory.mktemp("solved")
         write_scene(folder, WALL, "wall", "wall.toml")
-        return Solved(run(["solve", "wall.toml"], folder, ranks), folder)
+        return Solved(run(["solve", "wall.toml", *more], folder, ranks), folder)
 
     return made
 
 
 solved, on_two_ranks = wall_on(1), wall_on(2)
+on_two_ranks_by_mesh = wall_on(2, "--set", "solve.distribute=true")
 
 
 def numbers(value: Any) -> list[float]:
@@ -304,7 +305,15 @@ def test_two_ranks_give_the_same_answer(solved, on_two_ranks):
         assert len(found[0][name]) == len(found[1][name])
 
 
-def test_two_ranks_write_all_pieces(solved, on_two_ranks):
+def test_two_ranks_that_share_tasks_write_the_files_of_one(solved, on_two_ranks):
+    assert files(on_two_ranks.output) == files(solved.output)
+    for picture in PICTURES:
+        check_picture(on_two_ranks.output / picture)
+
+
+def test_two_ranks_that_share_the_mesh_write_all_pieces(solved, on_two_ranks_by_mesh):
+    on_two_ranks = on_two_ranks_by_mesh
+    assert on_two_ranks.record["load_factor"] == pytest.approx(solved.record["load_factor"])
     assert files(on_two_ranks.output) == files(solved.output) | {"blocks_p1_000000.vtu"}
     cells = [arrays(part, "CellData") for part in on_two_ranks.pieces]
     own = [c["body"][c.get("vtkGhostType", np.zeros(len(c["body"]))) == 0] for c in cells]

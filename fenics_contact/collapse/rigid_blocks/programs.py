@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -48,6 +49,7 @@ from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
+from fenics_contact.workers import check_asked_to_stop, result_of
 
 _log = logging.getLogger("fenics_contact")
 
@@ -106,6 +108,11 @@ def wait_on() -> None:
     """Wait for a program, however long it takes."""
 
 
+def bracket_of(blocks: RigidBlocks) -> LimitBounds:
+    """A task: the bracket of some blocks."""
+    return blocks.bounds()
+
+
 @dataclass(eq=False)
 class RigidBlocks:
     """What the programs of one structure say, solved on rank 0 when it is first asked for.
@@ -122,6 +129,7 @@ class RigidBlocks:
     model: BlockModel
     comm: MPI.Comm
     check_stop: Callable[[], None] = wait_on
+    _bracket: Future[LimitBounds] | None = None
 
     @classmethod
     def of(
@@ -134,7 +142,8 @@ class RigidBlocks:
 
     def __getstate__(self) -> dict[str, Any]:
         """The programs and what was solved of them, without ranks and processes."""
-        return vars(self) | {"comm": self.comm.size, "check_stop": wait_on}
+        left_out = {"comm": self.comm.size, "check_stop": check_asked_to_stop, "_bracket": None}
+        return vars(self) | left_out
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, comm=compat.comm_of(state["comm"]))
@@ -173,6 +182,8 @@ class RigidBlocks:
 
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
+        if self._bracket is not None:
+            return self._bracket.result().upper if self._bracket.done() else None
         return self._upper if "_upper" in vars(self) or not self.model.is_large else None
 
     def stands(self) -> bool:
@@ -208,6 +219,11 @@ class RigidBlocks:
         given = np.bincount(planar.faces.of_point, strength, len(dilatancy)).astype(float)
         model = BlockModel.of(planar, dilatancy, given)
         return self._on_root(lambda: largest_load(model, self._answer))
+
+    def begin(self, beside: Executor) -> None:
+        """Solve for the bracket beside other work, on this rank."""
+        if "_bounds" not in vars(self):
+            self._bracket = beside.submit(bracket_of, self)
 
     def bounds(self) -> LimitBounds:
         """The bracket, its lower end as in `lower_end` where that is better than no friction."""
@@ -260,6 +276,8 @@ class RigidBlocks:
 
     @cached_property
     def _bounds(self) -> LimitBounds:
+        if self._bracket is not None:
+            return result_of(self._bracket, self.check_stop)
         bounds = self._classical_bounds
         stands = bounds.lower is not None or self._fall is None
         if bounds.upper is None or bounds.meet or not stands or self.crushes:

@@ -1,0 +1,89 @@
+"""Tasks by other processes, other ranks, or here: results, failures, and who may stop them."""
+
+import operator
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import SolveOptions, limit_load
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.workers import InPlace, Processes, asked_to_stop, last_result_of, result_of
+from tests.bank import coulomb, wall_recipe
+
+
+@pytest.fixture(scope="module")
+def beside():
+    with Processes(1) as processes:
+        yield processes
+
+
+def fail(reason):
+    raise SolverError(reason)
+
+
+def wait_until_stopped():
+    while not asked_to_stop():
+        time.sleep(0.01)
+    return asked_to_stop()
+
+
+def go_on():
+    pass
+
+
+@pytest.mark.parametrize("make", [InPlace, lambda: Processes(1), lambda: Processes(2)])
+def test_a_task_has_its_result_or_what_it_raised(make):
+    with make() as executor:
+        quotients = [executor.submit(divmod, 7, n) for n in (2, 3, 0)]
+        assert [result_of(one, go_on) for one in quotients[:2]] == [(3, 1), (2, 1)]
+        with pytest.raises(ZeroDivisionError):
+            result_of(quotients[2], go_on)
+        with pytest.raises(SolverError, match="no state"):
+            result_of(executor.submit(fail, "no state"), go_on)
+        assert result_of(executor.submit(operator.add, 1, 2), go_on) == 3
+
+
+def test_tasks_in_place_are_done_when_asked_for():
+    done = []
+    future = InPlace().submit(done.append, 1)
+    assert not done and not future.done()
+    assert future.result() is None and future.result() is None and done == [1]
+
+
+def test_a_process_that_ends_is_an_error_with_its_code():
+    with Processes(1) as executor:
+        lost = executor.submit(sys.exit, 3)
+        with pytest.raises(SolverError, match=r"ended early \(exit code 3\)"):
+            result_of(lost, go_on)
+
+
+def test_who_waits_may_be_stopped_and_the_task_tells_what_it_knows():
+    def stop():
+        raise Stopped("time is over")
+
+    with Processes(1) as executor:
+        task = executor.submit(wait_until_stopped)
+        time.sleep(0.5)
+        with pytest.raises(Stopped, match="time is over"):
+            result_of(task, stop)
+        assert last_result_of(task, executor) == "SIGUSR1"
+
+
+@pytest.mark.parametrize(("name", "direction"), [("W3", "both"), ("W4", "positive")])
+def test_limit_load_with_a_process_beside_has_the_digits_without(beside, name, direction):
+    scene = wall_recipe(name, coulomb(0.65)).scene(2, fast=False)
+    scene = replace(scene, solve=SolveOptions(direction=direction))
+    alone = limit_load(scene).hold_against_brackets()
+    shared = limit_load(scene, beside=beside).hold_against_brackets()
+    assert list(alone.ends) == list(shared.ends)
+    for key, end in alone.ends.items():
+        other = shared.ends[key]
+        assert (end.status, end.load_factor) == (other.status, other.load_factor)
+        assert str(end.bounds) == str(other.bounds)
+        assert end.certificate.residuals == other.certificate.residuals
+        records = [{k: a.record() for k, a in one.answers.items()} for one in (end, other)]
+        assert repr(records[0]) == repr(records[1])
+        np.testing.assert_array_equal(end.mode, other.mode)
