@@ -116,7 +116,7 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
             monitor = progress if loud else None
             result = limit_load(scene, monitor, stop=signals, beside=beside)
             if scene.output.capacity and not result.stopped:
-                result = result.with_capacity(monitor, stop=stop)
+                result = result.with_capacity(monitor, stop=signals)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
