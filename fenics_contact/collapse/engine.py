@@ -12,14 +12,16 @@ import logging
 import math
 from dataclasses import replace
 
-from fenics_contact.collapse.face_collapse import face_collapse
+from fenics_contact.collapse.face_collapse import begun_search, face_collapse
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.load_control import raise_load
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.work_control import find_collapse, growth
+from fenics_contact.errors import Stopped
 from fenics_contact.results.history import alike_as_one
 from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
+from fenics_contact.workers import InPlace
 
 _log = logging.getLogger("fenics_contact")
 
@@ -41,13 +43,26 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     if options.engine == "path" or options.method != "auto":
         return find_collapse(case, strategy, options.tolerance)
     many = case.block_count >= SEARCH.large_wall
-    found = face_collapse(case) if many and not options.fast else None
+    search = begun_search(case) if many and not options.fast else None
+    in_place = isinstance(case.beside, InPlace)
+    found = face_collapse(case, search) if search is not None and in_place else None
     limited = found is not None and found.status == "limit"
-    if limited:  # no program is asked whether there is a limit
+    if limited:
         case.record.best = found
-        strategy = replace(strategy, asks=False)
-    with effort.at_most(SEARCH.soon if many else math.inf):
-        end = find_collapse(case, strategy, options.tolerance)
+    # Where a limit is known, or looked for beside, no program is asked whether there is one.
+    asking = replace(strategy, asks=strategy.asks and not limited and (search is None or in_place))
+    try:
+        with effort.at_most(SEARCH.soon if many else math.inf):
+            end = find_collapse(case, asking, options.tolerance)
+    except Stopped:
+        if search is not None and found is None and search.done():
+            case.record.best = face_collapse(case, search)
+        raise
+    if search is not None and found is None:
+        found = face_collapse(case, search)
+        if found.status != "limit" and end.status == "not_converged":
+            with effort.at_most(SEARCH.soon):
+                end = find_collapse(case, strategy, options.tolerance)
     least = -options.tolerance * case.scales.load_factor
     # The dead load alone stands: what needs the live load to stand is another state.
     lost = end.status == "not_converged" or end.load_factor < least

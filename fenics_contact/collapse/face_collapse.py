@@ -13,6 +13,8 @@ that blocks strained from rest would exert them is not claimed.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +26,7 @@ from fenics_contact.discretization.layout import CrushedPlace
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch
+from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
@@ -31,6 +34,7 @@ from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.scene.units import PER_METRE, Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, State
+from fenics_contact.workers import result_of
 
 _log = logging.getLogger("fenics_contact")
 
@@ -84,36 +88,61 @@ class CrushingAnswer(Answer):
         return Table(rows, "Joints that crush", head, note)
 
 
-def face_collapse(case: LoadCase) -> Collapse:
-    """The collapse by the face engine. Collective.
+#: Of a search: its best state, what was tried, and why it was ended early, or "".
+Searched = tuple[FaceState | None, list[FaceAttempt], str]
+
+
+def searched(model: FaceModel, asked: float, wait: Callable[[], None]) -> Searched:
+    """A task: the search for a certified state with the gap asked for."""
+    search = FaceSearch(model, asked, check_stop=wait)
+    stopped = ""
+    try:
+        search.run()
+    except Stopped as stop:
+        stopped = str(stop)
+    except SolverError as error:  # faces that do not hold the blocks
+        _log.info("  %s", error)
+    return search.best, search.attempts, stopped
+
+
+def _asked_gap(case: LoadCase) -> float:
+    """The gap that a state may have, as the scene asks for it or by default."""
+    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
+    given = case.discretization.scene.solve.gap
+    return default if given is None else given
+
+
+def begun_search(case: LoadCase) -> Future[Searched]:
+    """The search of the face engine, begun beside other work."""
+    model = case.blocks.model.planar.model
+    return case.beside.submit(searched, model, _asked_gap(case), case.wait)
+
+
+def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Collapse:
+    """The collapse by the face engine, from a search that was begun or of its own. Collective.
 
     Raises:
         Stopped: If the run is to end; the record has the best certified state, if there is one.
     """
     faces = PlanarFaces.of(case.discretization, case.sign)
     effort = case.discretization.effort
-    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
-    given = case.discretization.scene.solve.gap
-    asked = default if given is None else given
+    asked = _asked_gap(case)
     case.record.phase("face forces")
-    state: FaceState | None = None
-    attempts: list[FaceAttempt] = []
-    stopped = ""
+    found: Searched = (None, [], "")
     if case.problem.comm.rank == 0:
-        search = FaceSearch(faces.model, asked, check_stop=effort.wait)
         try:
-            search.run()
+            found = result_of(search or begun_search(case), effort.wait)
         except Stopped as stop:
-            stopped = str(stop)
-        except SolverError as error:  # faces that do not hold the blocks
-            _log.info("  %s", error)
-        state = search.best
-        attempts = search.attempts
-    state, attempts, stopped = case.problem.comm.bcast((state, attempts, stopped))
+            found = (None, [], str(stop))
+    state, attempts, stopped = case.problem.comm.bcast(found)
+    trials: list[Trial] = []
     for attempt in attempts:  # their factorisations are those of small systems
-        found = bool(np.isfinite(attempt.gap))
-        outcome = f"a state with gap {attempt.gap:.1e}" if found else "no state"
-        case.record.attempts.append(Trial(f"faces: {attempt.name}", np.nan, outcome, found, 0, 0.0))
+        near = bool(np.isfinite(attempt.gap))
+        outcome = f"a state with gap {attempt.gap:.1e}" if near else "no state"
+        trials.append(Trial(f"faces: {attempt.name}", np.nan, outcome, near, 0, 0.0))
+    record = case.record.attempts
+    first = 0 if search is not None else len(record)  # it was begun before all others
+    record[first:first] = trials
     with effort.unwatched():
         if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
             end = collapse_of(case, faces, state, asked)
