@@ -154,7 +154,7 @@ class SearchOptions:
     #: Part of the elastic state's gap by which the load factor may move.
     moves: float = 0.3
 
-    # ---- lower states by face forces (faces/lowest)
+    # ---- lower states by face forces (answers/lowest)
     #: Gap of a state at most.
     lowest_allowed: float = 1.5e-4
     #: Factorisations of one start at most, unasked.

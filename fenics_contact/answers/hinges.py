@@ -28,8 +28,7 @@ import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.collapse_mode import rates
-from fenics_contact.collapse.load_case import LoadCase, Task
-from fenics_contact.collapse.loading_path import falling, rising
+from fenics_contact.collapse.load_case import LoadCase, Task, falling, rising
 from fenics_contact.collapse.soft_hinges import SoftHinges, soft_hinges
 from fenics_contact.collapse.strategy import rising_mu
 from fenics_contact.discretization.joints import GROUND

@@ -37,8 +37,7 @@ import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.collapse_mode import rates
-from fenics_contact.collapse.load_case import LoadCase, Task
-from fenics_contact.collapse.loading_path import LoadingPath
+from fenics_contact.collapse.load_case import LoadCase, LoadingPath, Task
 from fenics_contact.collapse.record import PathSample, Sample
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import (

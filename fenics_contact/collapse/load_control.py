@@ -17,8 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase, Task
-from fenics_contact.collapse.loading_path import LoadingPath
+from fenics_contact.collapse.load_case import LoadCase, LoadingPath, Task
 from fenics_contact.collapse.strategy import next_to, rising_mu, strategy_of, to_end
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped

@@ -15,8 +15,7 @@ from functools import partial, wraps
 import numpy as np
 
 from fenics_contact.collapse.coulomb import FixedPoint
-from fenics_contact.collapse.load_case import Answer, Attempt, Task
-from fenics_contact.collapse.loading_path import LoadingPath, falling
+from fenics_contact.collapse.load_case import Answer, Attempt, LoadingPath, Task, falling
 from fenics_contact.collapse.record import PathSample
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import state_residuals
