@@ -45,7 +45,8 @@ Tasked = Callable[[argparse.Namespace, MPI.Intracomm, Executor], int]
 def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracomm], int]:
     """A command on one rank that hands tasks to the others, or to processes (`--jobs`).
 
-    Where a scene shares its mesh out among the ranks, all of them run the command.
+    Where a scene shares its mesh out among the ranks, all of them run the command. A sweep waits
+    for its processes, so that a row is on the disk as its point ends.
     """
 
     def run(options: argparse.Namespace, comm: MPI.Intracomm) -> int:
@@ -57,7 +58,8 @@ def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracom
                 " both"
             )
         if comm.size == 1:
-            with Processes(options.jobs - 1) if options.jobs > 1 else InPlace() as beside:
+            count = options.jobs if options.command == "sweep" else options.jobs - 1
+            with Processes(count) if options.jobs > 1 else InPlace() as beside:
                 return command(options, comm, beside)
         if _shares_mesh(options, comm):
             return command(options, comm, InPlace())
@@ -131,7 +133,8 @@ def _first(signals: Signals, comm: MPI.Comm) -> int:
     return int(comm.allreduce(signals.number, MPI.MAX))
 
 
-def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
+@_with_workers
+def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) -> int:
     """Find the limit loads of a scene over values of its keys."""
     from fenics_contact.sweeps.points import WRONG_INPUT, Family, Parameter
     from fenics_contact.sweeps.sweep import run_sweep
@@ -142,7 +145,7 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     family = Family((options.scene, tuple(options.overrides)), comm)
     tell = SweepProgress() if loud else None
     try:
-        found = run_sweep(family, parameters, folder, options.jobs, tell)
+        found = run_sweep(family, parameters, folder, beside, tell)
     except KeyboardInterrupt:
         if loud:
             print(f"stopped; what is in {folder} is kept: the same command goes on", flush=True)

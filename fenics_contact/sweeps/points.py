@@ -7,20 +7,17 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import pickle
 import re
-import subprocess
-import sys
 import time
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import closing, suppress
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,6 +31,7 @@ from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
 from fenics_contact.results.result import Answer
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, read_toml, value_of
+from fenics_contact.workers import InPlace, Ranks
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
 DIGITS = 12
@@ -205,9 +203,6 @@ class Family:
 
 #: Status of a point whose loads or joints do not fit the mesh.
 WRONG_INPUT = "wrong_input"
-#: Variables by which launchers of MPI know their ranks: a worker is none of them.
-_LAUNCHED = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")
-_KEPT = ("OMPI_MCA_", "OMPI_ALLOW_")
 
 
 @dataclass(frozen=True)
@@ -354,71 +349,45 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
     )
 
 
-def solved_points(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
-    """Points in the order in which they end, shared among so many processes. Collective.
+def solved_points(family: Family, points: Sequence[Values], beside: Executor) -> Iterator[Point]:
+    """Points in the order in which they end, shared with an executor's workers. Collective.
 
-    Each process has the scene, or reads it, and a structure of its own. It has a session of its
-    own too, so that Ctrl-C is for the process that has the table.
+    Each worker has the scene, or reads it, and a structure of its own. Rank 0 takes points from the
+    end while the other ranks begin with the first ones.
 
     Raises:
         InputError: If the scene cannot be given to other processes.
         SolverError: If a process ends before its answer.
     """
-    if jobs == 1 or not points:
-        with closing(Structure()) as structure:
+    with closing(Structure()) as structure:
+        if isinstance(beside, InPlace):
             for values in points:
                 yield solve_point(family, structure, values)
-        return
-    origin = family.to_send()
-    environment = {
-        name: value
-        for name, value in os.environ.items()
-        if name.startswith(_KEPT) or not name.startswith(_LAUNCHED)
-    }
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    program = [sys.executable, "-c", f"from {__name__} import answer; answer()"]
-    style: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    style |= {"env": environment, "start_new_session": True}
-    workers: list[Any] = []
-    free: SimpleQueue[Any] = SimpleQueue()
-
-    def solved(values: Values) -> Point:
-        worker = free.get()
-        try:
-            pickle.dump(values, worker.stdin)
-            worker.stdin.flush()
-            found: Point = pickle.load(worker.stdout)
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-            code = worker.wait()
-            raise SolverError(f"a process of the sweep ended early (exit code {code})") from None
-        finally:
-            free.put(worker)
-        return found
-
-    pool = ThreadPoolExecutor(jobs)
-    try:
-        for _ in range(min(jobs, len(points))):
-            worker: Any = subprocess.Popen(program, **style)
-            workers.append(worker)
-            worker.stdin.write(origin)
-            free.put(worker)
-        for future in as_completed([pool.submit(solved, values) for values in points]):
-            yield future.result()
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.terminate()
-            with suppress(OSError), worker:  # closes its pipes and waits for its end
-                pass
+            return
+        origin = family.to_send() if points else b""
+        left = {beside.submit(point_beside, origin, values): values for values in points}
+        while left:
+            last = next((one for one in reversed(left) if _mine(one, beside)), None)
+            if last is not None:
+                yield solve_point(family, structure, left.pop(last))
+            else:
+                wait(left, return_when=FIRST_COMPLETED)
+            for done in [future for future in left if future.done()]:
+                del left[done]
+                yield done.result()
 
 
-def answer() -> None:
-    """Read the origin of a family and then values from standard input, and answer with points."""
-    with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # what libraries have to say is no answer
-        family = Family(pickle.load(asked))
-        with closing(Structure()) as structure, suppress(EOFError, BrokenPipeError):
-            while True:
-                values = pickle.load(asked)
-                pickle.dump(solve_point(family, structure, values), answers)
-                answers.flush()
+def _mine(future: Future[Point], beside: Executor) -> bool:
+    """Whether nobody has begun a task and it is taken back; processes are left to themselves."""
+    return isinstance(beside, Ranks) and not future.done() and future.cancel()
+
+
+@lru_cache(maxsize=1)
+def _given(origin: bytes) -> tuple[Family, Structure]:
+    """The family of a worker, which keeps it from one point to the next."""
+    return Family(pickle.loads(origin), MPI.COMM_SELF), Structure()
+
+
+def point_beside(origin: bytes, values: Values) -> Point:
+    """A task: a point of a sweep."""
+    return solve_point(*_given(origin), values)

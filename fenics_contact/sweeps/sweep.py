@@ -14,6 +14,7 @@ import math
 import os
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -52,6 +53,7 @@ from fenics_contact.sweeps.points import (
     value_text,
 )
 from fenics_contact.version import __version__
+from fenics_contact.workers import InPlace, Processes
 
 TABLE, RECORD = "sweep.csv", "sweep.json"
 PICTURE, WORST = "sweep.png", "worst.png"
@@ -153,17 +155,24 @@ def sweep(
     family = Family(scene if isinstance(scene, Scene) else (Path(scene), ()))
     parameters = [Parameter.of(keys, values) for keys, values in vary.items()]
     tell = console.SweepProgress() if progress and family.comm.rank == 0 else None
-    return run_sweep(family, parameters, None if folder is None else Path(folder), jobs, tell)
+    if jobs < 1:
+        raise InputError(f"jobs = {jobs} must be at least 1")
+    if jobs > 1 and family.comm.size > 1:
+        raise InputError(f"jobs = {jobs} under mpirun: the ranks share every point; leave it out")
+    if jobs > 1:
+        family.to_send()
+    with Processes(jobs) if jobs > 1 else InPlace() as beside:
+        return run_sweep(family, parameters, None if folder is None else Path(folder), beside, tell)
 
 
 def run_sweep(
     family: Family,
     parameters: Sequence[Parameter],
     folder: Path | None = None,
-    jobs: int = 1,
+    beside: Executor | None = None,
     tell: Told | None = None,
 ) -> Sweep:
-    """Limit loads over a grid of parameters; see `sweep`. Collective.
+    """Limit loads over a grid of parameters, shared with workers; see `sweep`. Collective.
 
     If a load varies, the mechanism of the point with the lowest load factor is drawn: that point is
     solved again.
@@ -172,14 +181,6 @@ def run_sweep(
 
     points = grid(parameters)
     comm = family.comm
-    if jobs < 1:
-        raise InputError(f"jobs = {jobs} must be at least 1")
-    if jobs > 1 and comm.size > 1:
-        raise InputError(
-            f"--jobs {jobs} under mpirun: the ranks share every point; leave out one of both"
-        )
-    if jobs > 1:
-        family.to_send()
     # What is wrong in any scene is refused before the first is solved.
     tolerance = max(family.scene(values).solve.tolerance for values in reversed(points))
     with Discretization(family.scene(points[0])) as made:
@@ -197,7 +198,7 @@ def run_sweep(
     found = {key(point.values): point for point in comm.bcast(there)}
     todo = [values for values in points if key(values) not in found]
     tell(len(found), len(points), None)
-    for point in solved_points(family, todo, jobs):
+    for point in solved_points(family, todo, beside or InPlace()):
         with writing(comm, folder):
             if comm.rank == 0 and folder is not None:
                 rows.append(point)
