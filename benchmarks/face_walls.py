@@ -152,7 +152,7 @@ def measure(kind: str, name: str, make: Make, share: float) -> Row:
     if state is None or state.load_factor < 0.0:
         row["status"] = "none" if stands(model) else "unstable"
     drawn = np.random.default_rng(list(name.encode())).random()
-    if state is not None and drawn < share and not np.any(model.crushing):
+    if state is not None and drawn < share and not np.any(model.kappa):
         row["recomputed"] = recomputed(model, state)
     return row
 

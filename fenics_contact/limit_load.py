@@ -441,7 +441,7 @@ def _collapse(
         end = unfinished(case, str(stop))
     seconds["solve"] = seconds.get("solve", 0.0) + time.perf_counter() - start
     end = answered(case, explained(case, end), effort.spent - before, tasks, monitor.phase, seconds)
-    if end.status == "limit" and not case.blocks.crushes:
+    if end.status == "limit" and not case.blocks.has_strength:
         end = replace(end, joints=end.joints and least_forces(case.discretization, end.joints))
     if end.status == "limit" and end.joints is not None:
         turned = turn_in(whole.joints.without_ties(), end.joints.normal_force)

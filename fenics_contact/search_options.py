@@ -156,7 +156,7 @@ class SearchOptions:
 
     # ---- lower states by face forces (answers/lowest)
     #: Gap of a state at most.
-    lowest_allowed: float = 1.5e-4
+    lower_state_gap: float = 1.5e-4
     #: Factorisations of one start at most, unasked.
     usual_effort: int = 150
 
@@ -247,7 +247,7 @@ class SearchOptions:
     least_relaxation: float = 0.05
     #: the largest one,
     largest_relaxation: float = 2.0
-    #: Factor of what secants promise: the slowest direction hides among others.
+    #: Factor of what secants promise: slow directions hide among others.
     secant_safety: float = 3.0
     #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
     #: interior point method it is the square of that.

@@ -39,7 +39,7 @@ def limit(model: FaceModel, strength: Array, friction: Array, sign: float = 1.0)
     right = -model.dead / model.force
     cost = np.zeros(equal.shape[1])
     cost[0] = -sign
-    if model.shape[1] - model.pressing == 1 and not np.any(model.crushing):
+    if model.shape[1] - model.pressing == 1 and not np.any(model.kappa):
         return unit * _by_highs(model, cost, equal, right, strength, friction)
     return unit * _by_clarabel(model, cost, equal, right, strength, friction)
 
@@ -72,8 +72,8 @@ def _by_clarabel(
     bound = np.zeros((units, 1 + shears))
     bound[:, 0] = strength / model.force
     blocks.append((disc, bound.ravel(), [clarabel.SecondOrderConeT(1 + shears)] * units))
-    crushes = np.flatnonzero(model.crushing)
-    root = diags(2.0 * np.sqrt(model.crushing[crushes] * model.force))
+    crushes = np.flatnonzero(model.kappa)
+    root = diags(2.0 * np.sqrt(model.kappa[crushes] * model.force))
     for end in range(model.pressing):
         own = pressing[end :: model.pressing][crushes]
         rows = _interleaved([-own, own, -root @ normal[crushes]])
@@ -129,9 +129,9 @@ def misses(model: FaceModel, state: FaceState) -> dict[str, float]:
     relative = (model.motion @ state.mode).reshape(model.shape)
     slip = np.linalg.norm(relative[:, count:], axis=1)
     closed = (model.dilatancy * slip)[:, None] - relative[:, :count]
-    closed = closed[(model.crushing == 0.0) & ~model.tensile]
+    closed = closed[(model.kappa == 0.0) & ~model.tensile]
     beyond = np.linalg.norm(shear, axis=1) - model.strength - model.friction * normal
-    crushed = (model.crushing * normal**2)[:, None] - pressed
+    crushed = (model.kappa * normal**2)[:, None] - pressed
     return {
         "equilibrium": float(np.abs(model.motion.T @ state.force.ravel() + loads).max()) / largest,
         "friction": float(beyond.max()) / largest,

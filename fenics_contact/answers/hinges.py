@@ -46,7 +46,7 @@ from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
-#: Length of a hinge in stone, about, m: what crushing leaves.
+#: Length of a hinge in stone, about, m: what its strength leaves.
 IN_STONE = 1e-3
 #: Length of a hinge in units of its element side, by degree; measured.
 OF_SIDE = {1: 1.0, 2: 0.2}

@@ -133,7 +133,7 @@ class LowestAnswer(Asked):
         known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
         if lower and every:
             faces = PlanarFaces.of(case.discretization, case.sign)
-            collapse = collapse_of(case, faces, best, SEARCH.lowest_allowed)
+            collapse = collapse_of(case, faces, best, SEARCH.lower_state_gap)
             if collapse.status == "limit":
                 found_by = {"attempts": end.attempts, "trace": end.trace}
                 end = replace(collapse, searched=SEARCHED, **found_by)
@@ -228,7 +228,7 @@ def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceStat
             again = certifier.of(first.force)
             first = again if again is not None and again.gap < first.gap else first
         found = None if first is None else lowered(search, certifier, first)
-        if found is not None and found.gap <= SEARCH.lowest_allowed:
+        if found is not None and found.gap <= SEARCH.lower_state_gap:
             return found
         if settled or (found is not None and search.is_spent):
             break
@@ -245,9 +245,9 @@ def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceS
         if search.is_spent:
             break
         state = _least(certifier, mode, last)
-        if state is None or state.gap > SEARCH.lowest_allowed:
+        if state is None or state.gap > SEARCH.lower_state_gap:
             break
-        if state.load_factor < best.load_factor or best.gap > SEARCH.lowest_allowed:
+        if state.load_factor < best.load_factor or best.gap > SEARCH.lower_state_gap:
             best = state
         moved = abs(state.load_factor - last)
         last = state.load_factor

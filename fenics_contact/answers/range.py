@@ -69,7 +69,7 @@ class MechanismRange:
 
 
 class RangeAnswer(Asked):
-    """The range of a mechanism, a `MechanismRange`; None where joints crush."""
+    """The range of a mechanism, a `MechanismRange`; None where joints have a strength."""
 
     value: MechanismRange
     name = key = seconds = "range"
@@ -77,8 +77,8 @@ class RangeAnswer(Asked):
 
     @classmethod
     def concerns(cls, question: Question) -> bool:
-        """Unless joints crush: their forces have other limits."""
-        return question.end.joints is not None and not question.case.blocks.crushes
+        """Unless joints have a compressive strength: that limits forces, too."""
+        return question.end.joints is not None and not question.case.blocks.has_strength
 
     @classmethod
     def not_known(cls, reason: str) -> Self:

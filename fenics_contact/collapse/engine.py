@@ -1,9 +1,9 @@
 """Which engine finds a collapse: the loading path of elastic blocks, or the forces of their faces.
 
 The path starts without stress and ends in an exact state. Below 100 blocks it is the answer. Where
-joints crush, from 100 blocks on unless it soon comes to its end, and where it comes to none, the
-face engine is: its state has a proved gap, and self-stress is free in it. From 100 blocks on the
-engine is asked first, so that there is a state whenever the run is stopped.
+joints have a compressive strength, from 100 blocks on unless it soon comes to its end, and where it
+comes to none, the face engine is: its state has a proved gap, and self-stress is free in it. From
+100 blocks on the engine is asked first, so that there is a state whenever the run is stopped.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     options = case.discretization.scene.solve
     effort = case.discretization.effort
     strategy = strategy_of(case.discretization.scene)
-    crushes = case.blocks.crushes
-    if options.engine == "faces" or (crushes and options.engine == "auto"):
+    limited = case.blocks.has_strength
+    if options.engine == "faces" or (limited and options.engine == "auto"):
         return _unless_unlimited(case, face_collapse(case))
     if options.control == "load":
         return raise_load(case)

@@ -22,7 +22,7 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.reasons import missed
-from fenics_contact.discretization.layout import CrushedPlace
+from fenics_contact.discretization.layout import PlaceAtStrength
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch
@@ -46,7 +46,7 @@ LISTED = 8
 class CrushingAnswer(Answer):
     """Where joints crush, the longest places first; None where none has a compressive strength."""
 
-    value: tuple[CrushedPlace, ...]
+    value: tuple[PlaceAtStrength, ...]
     name = "crushed"
     key = "crushing"
     place = 1
@@ -166,10 +166,10 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
     opening = np.abs(problem.normal @ mode)
     largest = max(problem.max(opening), problem.max(np.abs(problem.tangential @ mode)), 1e-300)
-    # Rates at which this rank's points close that do not crush.
-    crushes = np.isfinite(faces.crushing)[faces.faces.of_point]
-    crushes = crushes[case.discretization.operators.points]
-    closing = np.where(crushes, 0.0, -problem.clearance_rates(mode))
+    # Rates at which this rank's points close that have no compressive strength.
+    limited = np.isfinite(faces.compressive_strength)[faces.faces.of_point]
+    limited = limited[case.discretization.operators.points]
+    closing = np.where(limited, 0.0, -problem.clearance_rates(mode))
     residuals = {
         **force_residuals(case, faces, state.force, strained),
         "mode_work": abs(state.sign * problem.dot(problem.live, mode) - 1.0),
@@ -195,10 +195,10 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         gap=state.gap,
         asked=asked,
     )
-    if not case.blocks.crushes:
+    if not case.blocks.has_strength:
         return end
     inside = f"{end.inside} and the compressive strengths"
-    return replace(end.with_answer(CrushingAnswer(_crushed(faces, state.force))), inside=inside)
+    return replace(end.with_answer(CrushingAnswer(_at_strength(faces, state.force))), inside=inside)
 
 
 def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:
@@ -229,26 +229,26 @@ def force_residuals(
         "tension": problem.max(-state.pressure) / typical,
         "friction": problem.max(beyond) / typical,
     }
-    if case.blocks.crushes:
+    if case.blocks.has_strength:
         model = faces.model
-        excess = model.crushing[:, None] * model.normal(force)[:, None] ** 2 - force[:, :2]
-        residuals["crushing"] = float(np.max(excess[model.crushing > 0.0], initial=0.0)) / typical
+        excess = model.kappa[:, None] * model.normal(force)[:, None] ** 2 - force[:, :2]
+        residuals["crushing"] = float(np.max(excess[model.kappa > 0.0], initial=0.0)) / typical
     return residuals
 
 
-def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
+def _at_strength(faces: PlanarFaces, force: Array) -> tuple[PlaceAtStrength, ...]:
     """Ends of faces at their strength, the longest blocks of pressure first."""
     model = faces.model
     normal = model.normal(force)
-    left = force[:, :2] - (model.crushing * normal**2)[:, None]
-    at_strength = (model.crushing > 0.0) & (normal > SEARCH.no_force * normal.max(initial=0.0))
+    left = force[:, :2] - (model.kappa * normal**2)[:, None]
+    at_strength = (model.kappa > 0.0) & (normal > SEARCH.no_force * normal.max(initial=0.0))
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
     for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
         point = faces.faces.ends[face, 1 - end]
-        length = float(normal[face] / faces.crushing[face])
+        length = float(normal[face] / faces.compressive_strength[face])
         x, y = map(float, joints.position[point])
         group = joints.names[joints.law[point]]
-        places.append(CrushedPlace((x, y), group, length, float(normal[face])))
+        places.append(PlaceAtStrength((x, y), group, length, float(normal[face])))
     return tuple(sorted(places, key=lambda place: -place.length))

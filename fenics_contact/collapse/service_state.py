@@ -64,7 +64,7 @@ def rests(layout: Layout) -> bool:
     faces = PlanarFaces.of(layout)
     model = faces.model
     strains = layout.scene.dead.movement or np.any(layout.joints.curvature > 0.0)
-    if strains and not np.any(model.crushing):  # elastic blocks do not crush
+    if strains and not np.any(model.kappa):  # elastic blocks have no strength
         return False
     if not (np.any(model.free_friction) and np.any(model.dead)):
         return True  # as the programs say
@@ -84,7 +84,7 @@ def service_state(case: LoadCase, load_factor: float, steps: int = 1) -> Service
     Or that of their faces, where none is found.
     """
     try:
-        if case.blocks.crushes:
+        if case.blocks.has_strength:
             raise SolverError("no elastic state was found by the forces of joint faces")
         problem, state = raise_load_to(case, load_factor, steps)
     except SolverError as error:
@@ -120,7 +120,7 @@ def _verified(
     written = case.written(state)
     whole = case.discretization
     values = joint_values(problem, whole, state, state.displacement)
-    if not case.blocks.crushes:  # else forces at a corner are bound by the strength of their faces
+    if not case.blocks.has_strength:  # that binds forces at a corner
         values = least_forces(whole, values)
     return ServiceState(
         "not_converged" if missed else "equilibrium",

@@ -252,8 +252,8 @@ def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along
 
 
 @dataclass(frozen=True)
-class CrushedPlace:
-    """End of a joint that crushes.
+class PlaceAtStrength:
+    """End of a joint at its compressive strength.
 
     Attributes:
         position: m.

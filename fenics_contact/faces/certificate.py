@@ -6,9 +6,10 @@ the same strengths carries more than
 
     hi = g . |v_T| + sigma(v_N - D |v_T|) - f_D . v,
 
-sigma the work of crushing: multiply equilibrium of any other state by v. So the gap hi - lambda is
-not negative, and it is the sum of (strength left) times slip and pressure times opening. It needs
-(a) a mode, of the limit with the strengths of a state, and (b) the state of least gap for a mode,
+sigma the work at the compressive strengths: multiply equilibrium of any other state by v. So the
+gap hi - lambda is not negative, and it is the sum of (strength left) times slip and pressure times
+opening. It needs (a) a mode, of the limit with the strengths of a state, and (b) the state of least
+gap for a mode,
 
     min g(N) . |v_T| - lambda   over all states near the load factor.
 

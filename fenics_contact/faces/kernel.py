@@ -217,7 +217,7 @@ class _Method:
         self.least = np.array([row.least for row in program.rows])
         self.compliance = model.compliance if program.elastic else np.zeros(model.shape)
         self.symmetric = np.array_equal(program.friction, program.dilatancy)
-        self.curved = bool(np.any(model.crushing))
+        self.curved = bool(np.any(model.kappa))
         self.cones = (*model.cones, Positive())
         self.springs: Springs | None = None
 
@@ -237,9 +237,9 @@ class _Method:
         response = elastic_response(model, self.program.equations)
         force = np.zeros(model.shape)
         pressed = np.maximum(response.dead_force[:, : model.pressing], 0.0) + 0.3 * model.force
-        crushed = model.crushing * pressed.sum(axis=1) > 0.1
-        safe = np.where(crushed, model.crushing, 1.0)
-        pressed = np.where(crushed[:, None], (0.05 / safe)[:, None], pressed)
+        beyond = model.kappa * pressed.sum(axis=1) > 0.1
+        safe = np.where(beyond, model.kappa, 1.0)
+        pressed = np.where(beyond[:, None], (0.05 / safe)[:, None], pressed)
         force[:, : model.pressing] = pressed
         motion = np.zeros(len(model.live))
         if self.program.elastic and not self.given:
@@ -265,7 +265,7 @@ class _Method:
         )
         if margin > 0.0 and mu is None:
             return start
-        least = (model.crushing * model.normal(force) ** 2)[:, None]
+        least = (model.kappa * model.normal(force) ** 2)[:, None]
         low = force[:, :count] - least <= 1e-6 * model.force
         force[:, :count] = np.where(low, least + 1e-3 * model.force, force[:, :count])
         bound = self.strength + self.program.friction * model.normal(force)
@@ -410,7 +410,7 @@ class _Local:
         self.matrix = matrix
 
     def _springs(self) -> Springs:
-        """Springs of the vectors; they stay where neither cones nor crushing turn them."""
+        """Springs of the vectors; they stay where neither cones nor strengths turn them."""
         method = self.method
         fixed = not method.curved and all(one.frame is None for one in self.scaled)
         if method.springs is None or not fixed:

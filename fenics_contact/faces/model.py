@@ -5,7 +5,7 @@ R^q. With N = sum n_i, the blocks' motions d and the relative motion H d of all 
 
     H^T x + f_D + lambda f_L = 0                          equilibrium,
     |t| <= c + F N                                        Coulomb's friction,
-    n_i - kappa N^2 >= 0                                  crushing.
+    n_i - kappa N^2 >= 0                                  compressive strength.
 
 In the plane a unit is a straight face: a pressing force at each end (k = 2) and one shear force
 (q = 1). A face of length L and strength f_c carries |M| <= N (L - N / f_c) / 2 about its middle
@@ -37,7 +37,7 @@ class FaceModel:
         friction: F.
         dilatancy: D <= F: slip s opens by D |s| at least.
         compliance: Of the units' springs in the elastic state, shape (units, m).
-        crushing: kappa; 0 where nothing crushes.
+        kappa: 1 / (2 L f_c), where pressure has a limit; else 0.
     """
 
     motion: Any
@@ -48,7 +48,7 @@ class FaceModel:
     friction: Array
     dilatancy: Array
     compliance: Array
-    crushing: Array
+    kappa: Array
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -116,7 +116,7 @@ class FaceModel:
         """Slacks by cones, of given strengths and coefficients of friction."""
         count = self.pressing
         normal = self.normal(force)
-        pressed = force[:, :count] - (self.crushing * normal**2)[:, None]
+        pressed = force[:, :count] - (self.kappa * normal**2)[:, None]
         bound = (strength + friction * normal)[:, None]
         shear = force[:, count:]
         if self.shears == 1:
@@ -129,7 +129,7 @@ class FaceModel:
         units, size = self.shape
         pressed = np.zeros((units, count, size))
         pressed[:, :, :count] = np.eye(count)
-        pressed[:, :, :count] -= (2.0 * self.crushing * self.normal(force))[:, None, None]
+        pressed[:, :, :count] -= (2.0 * self.kappa * self.normal(force))[:, None, None]
         bound = np.zeros((units, 1, size))
         bound[:, 0, :count] = friction[:, None]
         shear = np.zeros((units, self.shears, size))
@@ -140,18 +140,18 @@ class FaceModel:
 
     def curvature(self, duals: tuple[Array, ...]) -> Array:
         """Second derivative of y . (n - kappa N^2), as a weight of (sum dn_i)^2, sign reversed."""
-        return np.asarray(2.0 * self.crushing * duals[0][:, : self.pressing].sum(axis=1))
+        return np.asarray(2.0 * self.kappa * duals[0][:, : self.pressing].sum(axis=1))
 
     def power(self, motion: Array) -> Power:
         """What a motion of the blocks dissipates."""
         relative = self.relative(motion)
         slip = np.linalg.norm(relative[:, self.pressing :], axis=1)
         opening = relative[:, : self.pressing] - (self.dilatancy * slip)[:, None]
-        crushes = self.crushing > 0.0
-        closing = np.where(crushes[:, None], 0.0, np.maximum(-opening, 0.0))
+        limited = self.kappa > 0.0
+        closing = np.where(limited[:, None], 0.0, np.maximum(-opening, 0.0))
         closing[self.tensile] = 0.0
-        crushed = crushing_power(opening[crushes], self.crushing[crushes])
-        return Power(slip, float(crushed.sum()), closing, -float(self.dead @ motion))
+        pressed = pressing_power(opening[limited], self.kappa[limited])
+        return Power(slip, float(pressed.sum()), closing, -float(self.dead @ motion))
 
 
 @dataclass(frozen=True)
@@ -160,23 +160,23 @@ class Power:
 
     Attributes:
         slip: |v_T| of every unit, shape (units,).
-        crushed: Largest work of pressing forces within the strengths, summed.
-        closing: By how much units close that do not crush, shape (units, k): 0 in a mechanism.
+        pressed: Largest work of pressing forces within the strengths, summed.
+        closing: By how much units of infinite strength close, shape (units, k): 0 in a mechanism.
         dead: -f_D . v.
     """
 
     slip: Array
-    crushed: float
+    pressed: float
     closing: Array
     dead: float
 
     def bound(self, strength: Array) -> float:
         """Upper end for lambda f_L . v: no state with such strengths carries more."""
-        return float(strength @ self.slip) + self.crushed + self.dead
+        return float(strength @ self.slip) + self.pressed + self.dead
 
 
-def crushing_power(opening: Array, kappa: Array) -> Array:
-    """Support function of a face that crushes: the largest -n . v with n_i >= kappa N^2.
+def pressing_power(opening: Array, kappa: Array) -> Array:
+    """Support function of a face at its strength: the largest -n . v with n_i >= kappa N^2.
 
     Args:
         opening: v at both ends, shape (faces, 2).

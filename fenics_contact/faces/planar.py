@@ -38,7 +38,7 @@ class PlanarFaces:
         joints: All joint points.
         bodies: Blocks, with the dead load less the forces that bonds and ties carry.
         used: Motions among three of each block that supports leave free.
-        crushing: f_c of the faces, Pa; infinite where nothing crushes.
+        compressive_strength: f_c of the faces, Pa; infinite where none is given.
     """
 
     model: FaceModel
@@ -46,7 +46,7 @@ class PlanarFaces:
     joints: Joints
     bodies: RigidBodies
     used: Flags
-    crushing: Array
+    compressive_strength: Array
 
     @classmethod
     def of(cls, layout: Layout, sign: float = 1.0) -> PlanarFaces:
@@ -65,9 +65,9 @@ class PlanarFaces:
         order = np.arange(3 * count).reshape(3, count).T.ravel()
         motion = csr_matrix(vstack(rows).tocsr()[order])
         length = np.linalg.norm(np.diff(joints.position[faces.ends], axis=1)[:, 0], axis=1)
-        crushing = _strengths(layout, faces, length)
-        crushes = np.isfinite(crushing)
-        safe = np.where(crushes, crushing, 1.0) * np.where(crushes, length, 1.0)
+        strength = _strengths(layout, faces, length)
+        limited = np.isfinite(strength)
+        safe = np.where(limited, strength, 1.0) * np.where(limited, length, 1.0)
         dead, live = (
             np.einsum("bmk,bm->bk", bodies.free, load).ravel()[used]
             for load in (bodies.dead, bodies.live)
@@ -81,9 +81,9 @@ class PlanarFaces:
             faces.law.friction,
             faces.law.dilatancy,
             _compliance(layout, faces, length),
-            np.where(crushes, 0.5 / safe, 0.0),
+            np.where(limited, 0.5 / safe, 0.0),
         )
-        return cls(model, faces, joints, bodies, used, crushing)
+        return cls(model, faces, joints, bodies, used, strength)
 
     def motions(self, motion: Array) -> Array:
         """Rigid motions (a, b, c) of all blocks about their centres, from those of the model."""
@@ -117,7 +117,7 @@ class PlanarFaces:
         lever = place / scale[face]
         target = np.column_stack([normal, normal * middle / scale])
         total = np.bincount(face, length, count)
-        most = np.minimum(self.crushing, 1e300)
+        most = np.minimum(self.compressive_strength, 1e300)
         pressure = np.column_stack([normal / np.maximum(total, 1e-300), np.zeros(count)])
         shares = np.column_stack([np.ones(len(lever)), lever])
         for _ in range(SEARCH.interior_steps):
@@ -163,7 +163,7 @@ def _loaded(joints: Joints, bodies: RigidBodies, sign: float) -> RigidBodies:
 
 
 def _strengths(layout: Layout, faces: Faces, length: Array) -> Array:
-    """f_c of the faces, Pa, in contact all along; infinite where nothing crushes.
+    """f_c of the faces, Pa, in contact all along; infinite where none is given.
 
     A face that is interrupted has less, in proportion: so it carries no more than its pieces.
     """

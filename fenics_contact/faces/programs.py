@@ -1,4 +1,4 @@
-"""Programs that need one solve: upper ends, loads that crush, elastic states at a given load.
+"""Programs that need one solve: upper ends, loads beyond strengths, elastic states at a given load.
 
 With dilatancy F slip is normal to Coulomb's cone and the program is convex: a mode v that opens by
 F |v_T| at least proves that nothing carries more than
@@ -29,7 +29,7 @@ from fenics_contact.faces.kernel import (
     elastic_response,
     solve,
 )
-from fenics_contact.faces.model import FaceModel, crushing_power
+from fenics_contact.faces.model import FaceModel, pressing_power
 from fenics_contact.faces.system import Equations
 from fenics_contact.search_options import SEARCH
 
@@ -98,13 +98,13 @@ def associative_end(model: FaceModel) -> float | None:
 def proved_end(model: FaceModel, mode: Array) -> float | None:
     """What a mode proves with associative friction, rounded upwards; None if it proves nothing."""
     slip, opening = _least_opening(model, mode)
-    crushes = model.crushing > 0.0
+    limited = model.kappa > 0.0
     works = model.live * mode
-    if np.any(opening[~crushes] < 0.0):
+    if np.any(opening[~limited] < 0.0):
         return None
-    crushed = crushing_power(opening[crushes], model.crushing[crushes])
-    most = 4.0 * np.abs(opening[crushes]).sum(axis=1) / model.crushing[crushes]  # of its terms
-    shares = np.concatenate([model.strength * slip, crushed, -model.dead * mode])
+    pressed = pressing_power(opening[limited], model.kappa[limited])
+    most = 4.0 * np.abs(opening[limited]).sum(axis=1) / model.kappa[limited]  # of its terms
+    shares = np.concatenate([model.strength * slip, pressed, -model.dead * mode])
     rounding = (len(shares) + 16) * EPS
     power = float(shares.sum() + rounding * np.abs(shares).sum() + 16.0 * EPS * most.sum())
     work = float(works.sum())
@@ -128,8 +128,8 @@ def _least_opening(model: FaceModel, mode: Array) -> tuple[Array, Array]:
     return slip, opening
 
 
-def crushed_by(model: FaceModel, load_factor: float) -> Array | None:
-    """Motion by which dead load and a multiple of the live load crush faces; None if they stand.
+def motion_under(model: FaceModel, load_factor: float) -> Array | None:
+    """Motion of faces at their strengths under lambda of the live load; None if they carry it.
 
     The largest part of these loads that has an equilibrium is looked for.
     """
@@ -171,7 +171,7 @@ def _by_work(model: FaceModel) -> Iterate | None:
     Without given strengths all conditions are homogeneous. Where the load does that work with a
     factor of 0, blocks move as a mechanism, which says nothing.
     """
-    if np.any(model.strength) or np.any(model.crushing) or not np.any(model.dead):
+    if np.any(model.strength) or np.any(model.kappa) or not np.any(model.dead):
         return None
     alone = replace(model, dead=np.zeros_like(model.dead), live=model.dead)
     equations = Equations(alone)
@@ -195,10 +195,10 @@ def stiffness_alone(model: FaceModel) -> float | None:
     """How stiff faces are against the live load alone, of any size; None without such a state.
 
     In units of the stiffness with all faces closed. Far along the live load, the dead load, given
-    strengths and faces that crush are nothing beside it: all conditions are homogeneous, and every
+    strengths and faces with them are nothing beside it: all conditions are homogeneous, and every
     multiple of a state is one.
     """
-    kept = model.crushing == 0.0
+    kept = model.kappa == 0.0
     alone = replace(
         model,
         motion=model.motion[np.repeat(kept, model.shape[1])],
@@ -207,7 +207,7 @@ def stiffness_alone(model: FaceModel) -> float | None:
         friction=model.friction[kept],
         dilatancy=model.dilatancy[kept],
         compliance=model.compliance[kept],
-        crushing=model.crushing[kept],
+        kappa=model.kappa[kept],
     )
     found = state_under(alone, 1.0)
     if found is None:

@@ -50,7 +50,7 @@ from fenics_contact.results.values import (
     named_blocks,
     tie_arrays,
 )
-from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -628,8 +628,8 @@ def skipped(scene: Scene) -> tuple[str, ...]:
         "live body force: none given": not any(scene.live.body),
         f"{other} direction: solve.direction = '{direction}'": direction != "both",
         "all but the load factor and its bracket: solve.fast = true": scene.solve.fast,
-        "load steps: joints that crush have no loading path": (
-            scene.crushes and scene.solve.control == "load"
+        f"load steps: {CRUSHING} have no loading path": (
+            scene.has_strength and scene.solve.control == "load"
         ),
         "capacity curve: output.capacity = 0": not output.capacity,
         "stress recovery and ParaView files: output.paraview = false": not output.paraview,

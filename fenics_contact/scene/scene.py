@@ -30,6 +30,9 @@ FORMATS = ("png", "svg", "pdf")
 #: Methods that solve for joint forces within given bounds.
 BY_JOINT_FORCES = ("splitting", "active-set")
 
+#: What joints with a compressive strength are called.
+CRUSHING = "joints that crush"
+
 #: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
 LoadForm = Callable[..., Any]
 
@@ -732,7 +735,7 @@ class Scene(_Shared):
         return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
     @property
-    def crushes(self) -> bool:
+    def has_strength(self) -> bool:
         """Whether a compressive strength is given."""
         given: list[JointLaw | Material] = [*self._laws().values(), *self.materials.values()]
         return any(one.compressive_strength is not None for one in given)
@@ -747,22 +750,21 @@ class Scene(_Shared):
         ties = ", ".join(f"ties.{name}" for name in self.ties)
         method = f"solve.method = '{solve.method}' knows no"
         by_forces = solve.method in BY_JOINT_FORCES
-        crush = "joints that crush"
         lost = f"{losing}: what is lost depends on the way of the load; it cannot be used with"
         for given, refused, text in (
             (dilating, by_forces, f"{method} {dilating}; use solve.method = 'auto'"),
             (dilating, solve.slip == "load-steps",
              f"solve.slip = 'load-steps' knows no {dilating}; use solve.slip = 'stress-free'"),
-            (bonded, self.crushes, f"{bonded}: {crush} carry no tension; leave out one of"
-             " tensile_strength and compressive_strength"),
-            (solve.engine == "path", self.crushes, f"solve.engine = 'path' knows no {crush};"
-             " leave it out, or compressive_strength"),
+            (bonded, self.has_strength, f"{bonded}: {CRUSHING} carry no tension; leave out one"
+             " of tensile_strength and compressive_strength"),
+            (solve.engine == "path", self.has_strength, f"solve.engine = 'path' knows no {CRUSHING}"
+             "; leave it out, or compressive_strength"),
             (losing, solve.control == "load", f"{lost} solve.control = 'load'"),
             (losing, solve.states == "lowest", f"{lost} solve.states = 'lowest'"),
             (losing, solve.accuracy is not None, f"{lost} solve.accuracy"),
             (losing, solve.peak is True, f"{lost} solve.peak = true"),
             (losing, self.output.capacity > 0, f"{lost} output.capacity"),
-            (losing, self.crushes, f"{lost} compressive_strength"),
+            (losing, self.has_strength, f"{lost} compressive_strength"),
             (ties, by_forces, f"{method} {ties}; use solve.method = 'auto'"),
         ):  # fmt: skip
             require(not (given and refused), text)

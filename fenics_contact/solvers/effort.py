@@ -53,7 +53,7 @@ class Watch:
             raise Stopped(reason)
 
     def _of_all_ranks(self, comm: MPI.Comm) -> str:
-        """The reason of the lowest rank that has one."""
+        """The reason of the first rank that has one."""
         if not comm.allreduce(bool(self.reason), MPI.LOR):
             return ""
         return next(filter(None, comm.allgather(self.reason)))

@@ -156,9 +156,9 @@ class BlockModel:
         return self.unit / live if live else 1.0
 
     @property
-    def crushes(self) -> bool:
+    def has_strength(self) -> bool:
         """Whether some face has a compressive strength."""
-        return bool(np.any(self.planar.model.crushing))
+        return bool(np.any(self.planar.model.kappa))
 
     @property
     def is_large(self) -> bool:
@@ -180,9 +180,9 @@ class BlockModel:
     def ends(self, unit: float) -> Array:
         """Least and largest x, forces in a unit, shape (unknowns, 2).
 
-        An infinite one leaves the strengths out. Then faces that crush carry nothing.
+        An infinite one leaves the strengths out. Then faces with a finite one carry nothing.
         """
-        kappa = self.planar.model.crushing
+        kappa = self.planar.model.kappa
         carried = np.full(len(kappa), np.inf)
         np.divide(0.5 / unit, kappa, out=carried, where=kappa > 0.0)
         both = np.tile(carried, 2)

@@ -17,8 +17,9 @@ which have an answer: f = f_D tells whether the dead load has an equilibrium, f 
 whether nothing limits the live load. The multipliers of missing forces are motions of the blocks
 by which the loads do work and no joint resists (Farkas' lemma): how the blocks fall.
 
-Where joints crush the programs are no longer linear, and the face engine solves them (`faces`): its
-mode proves the end. Whether loads stand is asked as the largest part of them that does.
+Where joints have a compressive strength the programs are no longer linear, and the face engine
+solves them (`faces`): its mode proves the end. Whether loads stand is asked as the largest part of
+them that does.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import associative_end, crushed_by, state_under
+from fenics_contact.faces.programs import associative_end, motion_under, state_under
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
@@ -74,7 +75,7 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
         missing, multipliers, _ = standing.least_missing()
         if missing > SEARCH.rounding:
             return model.planar.motions(-multipliers)
-    motion = crushed_by(model.units, load_factor) if model.crushes else None
+    motion = motion_under(model.units, load_factor) if model.has_strength else None
     return None if motion is None else model.planar.motions(motion)
 
 
@@ -161,9 +162,9 @@ class RigidBlocks:
         )
 
     @property
-    def crushes(self) -> bool:
+    def has_strength(self) -> bool:
         """Whether some face has a compressive strength."""
-        return self.model.crushes
+        return self.model.has_strength
 
     def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
@@ -245,7 +246,7 @@ class RigidBlocks:
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
         model = self.model
-        if self.crushes:
+        if self.has_strength:
             unlimited = wedging_forces(model) is not None
             return np.inf if unlimited else associative_end(model.units)
         # On large walls the face engine is twenty times as fast as HiGHS; its mode proves an upper
@@ -280,7 +281,7 @@ class RigidBlocks:
             return result_of(self._bracket, self.check_stop)
         bounds = self._classical_bounds
         stands = bounds.lower is not None or self._fall is None
-        if bounds.upper is None or bounds.meet or not stands or self.crushes:
+        if bounds.upper is None or bounds.meet or not stands or self.has_strength:
             return bounds  # the lower end's programs are linear
         lower = lower_end(self.model, bounds.upper, self.check_stop)
         if bounds.lower is not None:
