@@ -49,7 +49,14 @@ from fenics_contact.results.result import (
     skipped_iterations,
 )
 from fenics_contact.scene.scene import Scene
-from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, ranks_of, result_of
+from fenics_contact.workers import (
+    InPlace,
+    asked_to_stop,
+    last_result_of,
+    ranks_of,
+    result_of,
+    workers_of,
+)
 
 _log = logging.getLogger("fenics_contact")
 
@@ -347,10 +354,12 @@ def _solved(
     if fall is not None:
         return _result(discretization, {}, seconds, fall)
     parts: dict[str, Future[_Part]] = {}
-    if not isinstance(beside, InPlace):
+    if workers_of(beside):
         for name in others:
             alone = replace(scene, solve=replace(scene.solve, direction=name))
             parts[name] = beside.submit(solved_beside, alone, monitor.of_worker())
+    busy = len(parts) > 0 and workers_of(beside) <= len(parts)
+    own = InPlace() if busy else beside
     kind = strategy_of(scene).kind
     monitor.phase("one elastic solve with closed joints")
     bonded = discretization.bonded(kind)
@@ -360,8 +369,11 @@ def _solved(
         listener = _Direction(monitor, name)
         told = partial(monitor.step, name)
         listener.case = LoadCase.of(discretization, bonded, SIGNS[name], kind, told, listener)
-        found = _collapse(replace(listener.case, beside=beside), lower, monitor, seconds)
+        found = _collapse(replace(listener.case, beside=own), lower, monitor, seconds)
         ends[name] = signed(found, SIGNS[name])
+    if parts and not discretization.effort.watch.reason:  # not while others are waited for
+        with suppress(Stopped):
+            ends[here].program()
     result = _result(discretization, ends, seconds)
     for name, part in parts.items():
         try:

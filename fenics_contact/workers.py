@@ -117,6 +117,7 @@ class Processes(Executor):
 
     def __init__(self, count: int) -> None:
         """Start so many, which begin to import at once."""
+        self.count = count
         environment = {
             name: value
             for name, value in os.environ.items()
@@ -195,6 +196,11 @@ def ranks(comm: MPI.Intracomm) -> Iterator[Ranks | None]:
 
     with MPICommExecutor(comm, root=0) as pool:
         yield None if pool is None else Ranks(pool, comm.size - 1)
+
+
+def workers_of(beside: Executor) -> int:
+    """How many workers there are beside this process."""
+    return beside.count if isinstance(beside, (Processes, Ranks)) else 0
 
 
 def ranks_of(beside: Executor | None) -> int:
