@@ -165,6 +165,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), units)
+        lines += tilt_lines(result, end)
         lines += tension_lines(tie_arrays(result.layout, end.joints), units)
     lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
     lines += [str(result.curve_end)] if result.curve_end else []
@@ -180,6 +181,15 @@ def summary(result: Result) -> str:
     seconds = result.seconds
     lines.append(f"{result.factorizations} factorisations, {seconds['total']:.2f} s")
     return "\n".join(lines)
+
+
+def tilt_lines(result: Result, end: Collapse) -> list[str]:
+    """The angle at which a structure on a tilting table collapses."""
+    angle = result.scene.tilt_angle(end.load_factor)
+    if angle is None or end.status != "limit":
+        return []
+    side = "right" if angle * result.scene.live.body[0] >= 0.0 else "left"
+    return [f"it collapses at a tilt of {abs(angle):.6g} degrees, down to the {side}"]
 
 
 def tension_lines(ties: NamedArrays, units: Units) -> list[str]:

@@ -358,8 +358,9 @@ def nodal_forces(
     if kind == "dead":
         on_facets += weights_of_floors(scene, boundary)
     else:
-        heavy = [name for name, floor in scene.floors.items() if floor.mass]
-        acceleration = np.array(load.acceleration) / GRAVITY
+        heavy = [name for name, floor in scene.floors.items() if floor.mass or load.on_table]
+        acceleration = np.array(load.acceleration)
+        acceleration /= math.hypot(*acceleration) if load.on_table else GRAVITY
         on_facets += _of_floors(scene, boundary, heavy, profile, acceleration)
     for facets, force in on_facets:
         nodes = boundary.nodes[facets]

@@ -347,6 +347,8 @@ def result_record(result: Result) -> Record:
         "title": scene.title,
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
+        "tilt_angle": scene.tilt_angle(result.load_factor),
+        "tilt_angle_negative": scene.tilt_angle(result.load_factor_negative),
         **{key: first[key] for key in nothing},
         "reason": result.reason() or None,
         "stopped": result.stopped or None,

@@ -375,7 +375,9 @@ class Load(_Checked):
     Attributes:
         body: Acceleration, m/s2, times density.
         traction: Force per area, Pa, by name of a one-dimensional group.
-        tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table.
+        tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table. True, of the
+            live load only: `body` is that of the dead load turned by a right angle, so that the
+            load factor is the tangent of the angle at which the tilted structure collapses.
         force: Forces at places, by any name.
         earth: Earth pressure by name of a one-dimensional group.
         movement: Of supports and foundations by their names; of the dead load only.
@@ -389,7 +391,7 @@ class Load(_Checked):
 
     body: tuple[float, float] = _ruled(_require_pair, (0.0, 0.0))
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tilt: float = _ruled(_within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
+    tilt: float | bool = _ruled(_within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
     movement: Mapping[str, Movement] = field(default_factory=dict)
@@ -412,8 +414,15 @@ class Load(_Checked):
     @property
     def acceleration(self) -> tuple[float, float]:
         """The body force per mass, tilted, m/s2."""
+        if isinstance(self.tilt, bool):
+            return self.body
         turned = complex(*self.body) * cmath.rect(1.0, math.radians(self.tilt))
         return (turned.real, turned.imag) if self.tilt else self.body
+
+    @property
+    def on_table(self) -> bool:
+        """Whether it is the weight on a table that tilts."""
+        return self.tilt is True
 
 
 @dataclass(frozen=True)
@@ -603,6 +612,9 @@ class Scene(_Shared):
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
         require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
+        require(not self.dead.on_table, "loads.dead.tilt = true: give an angle in degrees")
+        if self.live.on_table:
+            self._tilt_table()
         self._check_options()
         text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
         require(self.dead.profile == "uniform", text)
@@ -768,6 +780,43 @@ class Scene(_Shared):
             (ties, by_forces, f"{method} {ties}; use solve.method = 'auto'"),
         ):  # fmt: skip
             require(not (given and refused), text)
+
+    def _tilt_table(self) -> None:
+        """Take the dead body force, turned, as the live one; refuse what a tilt does not turn."""
+        key = "loads.live.tilt = true"
+        x, y = self.dead.acceleration
+        require(x != 0.0 or y != 0.0, f"{key} turns the weight; give loads.dead.body")
+        live = replace(self.live, body=(-y, x))
+        given = self.live.body not in ((0.0, 0.0), live.body)
+        require(not given, f"{key} takes the weight as the live load; leave out loads.live.body")
+        object.__setattr__(self, "live", live)
+        names = ("traction", "force", "earth", "form")
+        others = [
+            f"loads.{kind}.{name}"
+            for kind, load in (("dead", self.dead), ("live", live))
+            for name in names
+            if getattr(load, name)
+        ]
+        others += ["loads.live.profile"] * (live.profile != "uniform")
+        others += ["seismic"] * (self.seismic is not None)
+        others += [f"ties.{name}" for name in self.ties]
+        strengths = ("cohesion", "bound", "tensile_strength", "compressive_strength")
+        named: dict[str, Any] = {f"materials.{name}": one for name, one in self.materials.items()}
+        others += [
+            f"{name}.{strength}"
+            for name, one in (named | self._laws()).items()
+            for strength in strengths
+            if getattr(one, strength, None)
+        ]
+        text = (
+            f"{key}: {', '.join(others)} would not turn with the weight, so the angle would be"
+            " wrong; leave it out, or give loads.live.body"
+        )
+        require(not others, text)
+
+    def tilt_angle(self, load_factor: float) -> float | None:
+        """Angle of a tilting table at a load factor, degrees; None where the load is another."""
+        return math.degrees(math.atan(load_factor)) if self.live.on_table else None
 
     def _check_seismic(self) -> None:
         """Refuse live loads that are no inertia forces in proportion to the weights."""

@@ -131,6 +131,7 @@ def answer(record: Record) -> str:
     laws = (law for kind in ("joints", "foundations") for law in scene[kind].values())
     # Brackets are those without the strength that joints may lose.
     loses = any(law.get("opened") == "lost" for law in laws)
+    tilted = scene["loads"]["live"]["tilt"] is True
     acceleration = sideways(record)
     known: list[str] = []
     lost: list[str] = []
@@ -145,6 +146,10 @@ def answer(record: Record) -> str:
             known.append(f"any load {preposition}{way}")
         elif end["status"] == "limit":
             part = f"{_amount(end['load_factor'], acceleration)} {way}"
+            if tilted:
+                angle = math.degrees(math.atan(abs(end["load_factor"])))
+                right = (scene["loads"]["live"]["body"][0] >= 0.0) != negative
+                part = f"a tilt of {angle:.3g} degrees, down to the {'right' if right else 'left'}"
             searched = end.get("searched")
             if searched:
                 lost.append(f"The {searched}, is at {part}.")
@@ -157,7 +162,7 @@ def answer(record: Record) -> str:
                 this_load = " this load" if acceleration is None else ""
                 most = f"; it is at most {_amount(beyond, acceleration)}{this_load}"
             lost.append(f"No limit load was found {preposition}{way}{most}.")
-    verb = "carries" if acceleration is None else "stands"
+    verb = "carries" if acceleration is None and not tilted else "stands"
     sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
     return " ".join(sentence + lost)
 
