@@ -108,8 +108,8 @@ lint: setup .venv/bin/ruff  ## ruff and mypy
 meshes: setup  ## make the meshes of meshes/ again
 	$(PYTHON) meshes/make_meshes.py
 
-benchmarks: setup  ## measure run times and errors, draw docs/time_error.png and docs/cost_size.png (hours)
-	$(PYTHON) benchmarks/run.py --pictures docs
+benchmarks: setup  ## measure run times, errors and costs: tables and pictures of docs/cost.md (12 minutes)
+	$(PYTHON) benchmarks/run.py --quick --write
 
 clean:  ## remove what was made
 	rm -rf .venv .debian13 build *.egg-info demos/output .pytest_cache .mypy_cache .ruff_cache

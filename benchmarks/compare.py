@@ -6,17 +6,16 @@ BEFORE and AFTER are folders with a package fenics_contact. Each has a process o
 scene they take turns (A B A B), so that a slow moment of the machine is not one version's alone.
 Shown are status, load factor, factorisations (of the structure + of the blocks' modes) and the
 least processor time; at the end the geometric mean and the worst of the ratios AFTER / BEFORE.
-Scenes of minutes are run where the pattern names them, as in --only "40x40 0.4 4".
+Scenes are files, which old versions read too. Those of minutes are run where a pattern names them,
+as in --only "40x40 0.4 4"; --only mixed takes 40 scenes of all kinds.
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
+import shutil
 import sys
-import time
-from dataclasses import replace
-from functools import cache
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -24,39 +23,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.scenes import LARGE, comparison, matching
+from benchmarks.scenes import LARGE, MIXED, comparison, matching, write_scene
 from benchmarks.worker import Worker, save
-from fenics_contact import limit_load
-from tests.bank import coulomb, wall_recipe
 
 LINE = "{:22} {:>13} {:>11} {:>9} {:>7} | {:>13} {:>11} {:>9} {:>7}"
-
-
-def measure(name: str, effort: str = "default", **options: Any) -> dict[str, Any]:
-    """Solve a scene, with all that is on by default or, with the effort "fast", with none of it."""
-    warm()
-    recipe, elements = comparison()[name]
-    scene = recipe.scene(elements, **options)
-    if hasattr(scene.solve, "fast"):  # the recipes of the tests ask for the load factor alone
-        scene = replace(scene, solve=replace(scene.solve, fast=effort == "fast"))
-    gc.collect()
-    start = time.process_time()
-    result = limit_load(scene)
-    modes = result.mode_factorizations
-    return {
-        "status": result.status,
-        "load_factor": result.load_factor,
-        "structure": result.factorizations - modes,
-        "modes": modes,
-        "cpu": time.process_time() - start,
-        "bonded": result.seconds["solve"] / result.seconds["bonded"],
-    }
-
-
-@cache
-def warm() -> None:
-    """Compile forms and load libraries."""
-    limit_load(wall_recipe("2x2", coulomb(0.5)).scene(1))
 
 
 def cells(row: dict[str, Any]) -> list[str]:
@@ -98,22 +68,28 @@ def main() -> int:
     parser.add_argument("--csv", type=Path, metavar="FILE")
     choice = parser.parse_args()
     large = [] if choice.only else matching(comparison(), LARGE)
+    choice.only = MIXED if choice.only == "mixed" else choice.only
     names = [name for name in matching(comparison(), choice.only or "*") if name not in large]
     workers = [Worker(root=root) for root in (choice.before, choice.after)]
     rest = {key: getattr(choice, key) for key in ("effort", "method", "tolerance")}
     pairs = {}
+    folder = Path(tempfile.mkdtemp())
+    warm = write_scene(*comparison()["W1 0.65 2"], folder / "warm.toml")
     print(LINE.format("scene", *("status", "factor", "factoris.", "cpu s") * 2))
     for name in names:
+        file = write_scene(*comparison()[name], folder / "scene.toml")
+        files = {"path": str(file), "warm": str(warm)}
         found: list[dict[str, Any]] = [{}, {}]
         for side, worker in list(enumerate(workers)) * choice.repeat:
             row = {"version": worker.root.resolve().name}
-            row |= worker.call("benchmarks.compare:measure", choice.time_out, name=name, **rest)
+            row |= worker.call("benchmarks.worker:solve_file", choice.time_out, **files, **rest)
             if not found[side] or row.get("cpu", np.inf) < found[side].get("cpu", np.inf):
                 found[side] = row
         pairs[name] = found
         print(LINE.format(name, *cells(found[0]), *cells(found[1])), flush=True)
     for worker in workers:
         worker.close()
+    shutil.rmtree(folder)
     print("\n".join(summary(pairs, choice.tolerance)))
     if choice.csv:
         save(choice.csv, [{"scene": name, **row} for name, pair in pairs.items() for row in pair])

@@ -18,14 +18,17 @@ Row = Mapping[str, Any]
 #: Colour, marker and name of methods and peers, the same in all pictures; this program's first.
 LOOKS = {
     "auto": ("#0b62a4", "o", "auto (default)"),
+    "path": ("#5ba3d9", "v", "loading path alone"),
+    "faces": ("#2e8b57", "h", "face engine alone"),
     "fixed-point": ("#e67300", "s", "fixed-point"),
     "splitting": ("#8e44ad", "^", "splitting"),
     "rigid-lp": ("#7f7f7f", "P", "rigid blocks, associative: one linear program"),
     "gilbert": ("#c0392b", "X", "rigid blocks: Gilbert's linear programs"),
+    "gilbert-clarabel": ("#e08283", "X", "rigid blocks: the same by Clarabel"),
     "siconos": ("#16877a", "*", "rigid blocks: Siconos, bisection"),
     "calculix": ("#3d3d3d", "D", "elastic blocks: CalculiX, load steps"),
 }
-OWN = ("auto", "fixed-point", "splitting")
+OWN = ("auto", "path", "faces", "fixed-point", "splitting")
 
 #: Tolerance asked of the load factor; errors below the least are drawn there.
 TOLERANCE, LEAST = 1e-6, 1e-7
@@ -114,6 +117,35 @@ def draw_cost_size(figure: Figure, rows: Sequence[Row]) -> None:
     figure.legend(ncol=3, loc="upper center", fontsize=9)
 
 
+def newest(rows: Sequence[Row]) -> list[Row]:
+    """Rows of other programs, and those of this one that are of the commit measured last."""
+    states: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row["made_with"].startswith("fenics_contact"):
+            state = row["date"], row["commit"]
+            states[state] = states.get(state, 0) + 1
+    last = max(states, key=lambda state: (state[0], states[state]), default=("", ""))
+    return [
+        row
+        for row in rows
+        if not row["made_with"].startswith("fenics_contact") or (row["date"], row["commit"]) == last
+    ]
+
+
+def made_with(rows: Iterable[Row]) -> str:
+    """What made rows, of which commit and when, and the machines."""
+    programs, machines = set(), set()
+    for row in rows:
+        if row["made_with"]:
+            program, machine = row["made_with"].split("; ")
+            state = (
+                f", commit {row['commit']}" * bool(row["commit"]) if row["method"] in OWN else ""
+            )
+            programs.add(f"{program}{state}, {row['date']}")
+            machines.add(machine)
+    return "; ".join([*sorted(programs), *sorted(machines)])
+
+
 def draw(name: str, rows: Sequence[Row], folder: Path) -> None:
     """Draw time_error.png or cost_size.png in a folder, with its small print."""
     height, top, function = {
@@ -122,8 +154,7 @@ def draw(name: str, rows: Sequence[Row], folder: Path) -> None:
     }[name]
     figure = Figure(figsize=(11.5, height))
     function(figure, rows)
-    made = sorted({part.strip() for row in rows for part in row["made_with"].split(";")})
-    small = f"{NOTES[name]} Medians. {'; '.join(part for part in made if part)}."
+    small = f"{NOTES[name]} Medians. {made_with(rows)}."
     lines = textwrap.wrap(small, 175)
     figure.text(0.01, 0.01, "\n".join(lines), fontsize=8, color="#444444", va="bottom")
     figure.tight_layout(rect=(0.0, 0.2 * len(lines) / height, 1.0, 1.0 - top / height))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
 
+import gmsh
 import numpy as np
 import numpy.typing as npt
 
@@ -16,6 +19,7 @@ from fenics_contact import JointLaw
 from fenics_contact.meshing import wall
 from tests import bank
 from tests.bank import WALLS, Recipe, coulomb, rectangle, wall_recipe
+from tests.system.program import toml
 
 Array = npt.NDArray[np.float64]
 
@@ -90,7 +94,25 @@ TIME_ERROR = {
 COST_SIZE = {
     f"{n} x {n} friction {friction:g}": wall_scene(f"{n}x{n}", friction)
     for friction in (0.4, 0.75)
-    for n in (10, 14, 20, 28, 40, 80)
+    for n in (10, 14, 20, 28, 40)
+}
+
+#: Scenes of files, with their elements along half a block, for the command line.
+FILES = {
+    **{
+        f"{name} {friction:g}": (wall_recipe(name, coulomb(friction)), 4)
+        for name, friction in (
+            *(("2x2", 0.4), ("W3", 0.65), ("W4", 0.65), ("10x10", 0.4), ("10x10", 0.75)),
+            *(("20x20", 0.75), ("40x40", 0.4)),
+        )
+    },
+    "facade 0.4, both directions": (bank.real_recipes(0.4)["facade"], 2),
+}
+
+#: Running bonds whose states depend on the tolerance, with two elements along half a brick.
+TOLERANCE = {
+    f"{n} x {n} friction {friction:g}": wall_scene(f"{n}x{n}", friction)
+    for n, friction in ((20, 0.4), (20, 0.9), (28, 0.78))
 }
 
 #: Structures as people draw them, pushed to the right and to the left.
@@ -155,6 +177,20 @@ def comparison() -> dict[str, tuple[Recipe, int]]:
     return found | {name: (recipe, 2) for name, recipe in REAL.items()}
 
 
+#: Forty scenes of `comparison` on which versions, and what is switched off, are compared.
+MIXED = (
+    "W? 0.65 4, W? 1 4, 10x10 0.4 4, 10x10 0.75 4, 5x16 0.6 2, 12x12 0.6 2, 14x14 0.75 2,"
+    " 20x20 0.4 2, 20x20 0.75 4, 30x8 0.6 2, 6x8 1 2, arch 15 0.15 1, arch 27 0.2 1,"
+    " arch 51 0.12 0.6, facade 0.5 left, gable 0.6 *, rubble 0.4 right, openings ? *,"
+    " openings 1[0-5] *"
+)
+
+#: Some of them that take seconds.
+FEW = (
+    "W? 0.65 4, W3 1 4, 10x10 0.4 4, 10x10 0.75 4, 14x14 0.75 2, arch 27 0.12 0.6, gable 0.6 left,"
+    " openings 4 *"
+)
+
 #: Scenes of `comparison` that take up to minutes, left out unless a pattern names them.
 LARGE = "?0x?0 * 4, facade*, rubble*"
 
@@ -162,3 +198,18 @@ LARGE = "?0x?0 * 4, facade*, rubble*"
 def matching(names: Iterable[str], pattern: str) -> list[str]:
     """Names that match one of several patterns of the shell, separated by commas."""
     return [n for n in names if any(fnmatch.fnmatch(n, p.strip()) for p in pattern.split(","))]
+
+
+def write_scene(recipe: Recipe, elements: int, path: Path) -> Path:
+    """Write a scene and its mesh as files, in keys that all versions know."""
+    scene = recipe.scene(elements)
+    gmsh.write(str(path.with_suffix(".msh")))
+    tables = {**scene.tables(), "mesh": {"file": path.with_suffix(".msh").name}}
+    path.write_text(toml(_said({**tables, "solve": {}, "output": {}})))
+    return path
+
+
+def _said(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables without what is nothing, or as usual."""
+    found = {n: _said(v) if isinstance(v, Mapping) else v for n, v in table.items()}
+    return {n: v for n, v in found.items() if v and v not in ("uniform", "kept")}

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import dataclasses
+import gc
 import importlib
 import json
 import os
 import select
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -75,6 +78,44 @@ class Worker:
             stdout=subprocess.PIPE,
             text=True,
         )
+
+
+def solve_file(
+    path: str, effort: str, warm: str, method: str = "auto", tolerance: float = 1e-6
+) -> dict[str, Any]:
+    """The limit load of a scene file, by any version; `effort` "fast" asks for nothing beside it.
+
+    The file `warm` is solved first, by the first call: compiles forms and loads libraries.
+    """
+    from fenics_contact import Scene, limit_load
+
+    def read(file: str) -> Any:
+        scene = Scene.from_file(file)
+        options: dict[str, Any] = {"method": method, "tolerance": tolerance}
+        if hasattr(scene.solve, "fast"):
+            options["fast"] = effort == "fast"
+        return dataclasses.replace(scene, solve=dataclasses.replace(scene.solve, **options))
+
+    if warm not in _WARM:
+        limit_load(read(warm))
+        _WARM.add(warm)
+    scene = read(path)
+    gc.collect()
+    start = time.process_time()
+    result = limit_load(scene)
+    modes = result.mode_factorizations
+    return {
+        "status": result.status,
+        "load_factor": result.load_factor,
+        "structure": result.factorizations - modes,
+        "modes": modes,
+        "cpu": time.process_time() - start,
+        "bonded": result.seconds["solve"] / result.seconds["bonded"],
+    }
+
+
+#: Files that were solved before the clock started.
+_WARM: set[str] = set()
 
 
 def save(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

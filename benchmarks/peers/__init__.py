@@ -11,7 +11,7 @@ import importlib
 from types import ModuleType
 
 #: Peers by name.
-PEERS = ("rigid-lp", "gilbert", "siconos", "calculix")
+PEERS = ("rigid-lp", "gilbert", "gilbert-clarabel", "siconos", "calculix")
 
 
 def peer(name: str) -> ModuleType:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -25,14 +26,23 @@ from benchmarks.peers.blocks import Answer, Blocks
 
 Array = npt.NDArray[np.float64]
 
+#: Solves one of the linear programs; see `program`.
+Program = Callable[[csr_matrix, Array, float, Array], "Array | None"]
+
 RESOLUTIONS = (1e-1, 1e-2, 1e-4, 1e-6)
 version = rigid_lp.version
 
 SLOPE, WEIGHT, PROGRAMS, LAST = 1e-3, 0.6, 100, 20
 
 
-def solve(blocks: Blocks, resolution: float = 1e-6, deadline: float = math.inf) -> Answer:
+def solve(
+    blocks: Blocks,
+    resolution: float = 1e-6,
+    deadline: float = math.inf,
+    by: Program | None = None,
+) -> Answer:
     """Iterate until the load factor stands still; variables: factor, normal forces, shear."""
+    by = by or program
     faces, count = blocks.faces, len(blocks.faces.bodies)
     columns = [blocks.forces(end, faces.normal) for end in (0, 1)]
     live = csr_matrix(blocks.load(1.0, 0.0)[:, None])
@@ -43,7 +53,7 @@ def solve(blocks: Blocks, resolution: float = 1e-6, deadline: float = math.inf) 
         if time.perf_counter() > deadline:
             return Answer("time-out")
         cohesion = (1.0 - slope) * blocks.friction * normal
-        found = program(equilibrium, dead, slope * blocks.friction, cohesion)
+        found = by(equilibrium, dead, slope * blocks.friction, cohesion)
         if found is None:
             return Answer("not converged")
         first, last, _ = found[1:].reshape(3, -1)

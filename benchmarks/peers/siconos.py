@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import time
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,8 @@ MOVES, TOLERANCE, SWEEPS, ROUNDS = 1e-4, 1e-10, 5000, 120
 
 def version() -> str:
     """Version of the library; empty where there is none."""
-    return "Siconos" if importlib.util.find_spec("siconos") else ""
+    found = importlib.util.find_spec("siconos")
+    return f"Siconos {metadata.version('siconos')}" if found else ""
 
 
 class ContactForces:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from benchmarks import published, run
+from benchmarks import cost_page, published, run
 from benchmarks.worker import Worker
 
 alone = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts processes of its own")
@@ -18,12 +18,23 @@ alone = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts processes of 
 @alone
 def test_worker_answers_and_survives():
     worker = Worker()
-    arguments = {"task": asdict(run.Task("methods", "wedge 0.2", "auto")), "time_out": 60.0}
+    arguments = {
+        "task": asdict(run.Task("time_error", "arch of 15 friction 1", "auto")),
+        "time_out": 60.0,
+    }
     row = worker.call("benchmarks.run:measure", 60.0, **arguments)
-    assert (row["status"], run.error({"scene": "wedge 0.2", **row}) < 1e-6) == ("limit", True)
+    scene = {"scene": "arch of 15 friction 1"}
+    assert (row["status"], run.error({**scene, **row}) < 1e-2) == ("limit", True)
     assert worker.call("benchmarks.run:nothing", 60.0) == {"status": "AttributeError"}
     assert worker.call("benchmarks.run:measure", 0.0, **arguments) == {"status": "time-out"}
     worker.close()
+
+
+def test_page_of_costs_has_the_tables_of_the_rows():
+    results = Path(__file__).parents[2] / "benchmarks" / "results"
+    rows = {name: run.read(results / f"{name}.csv") for name in run.TABLES}
+    text = cost_page.PAGE.read_text()
+    assert cost_page.page(text, rows) == text
 
 
 @alone
