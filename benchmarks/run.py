@@ -54,7 +54,7 @@ from benchmarks.scenes import (
 from benchmarks.worker import ENVIRONMENT, HOME, Worker, save
 from fenics_contact import __version__, limit_load
 from fenics_contact.collapse import strategy
-from fenics_contact.collapse.loading_path import LoadingPath
+from fenics_contact.collapse.load_case import LoadingPath
 from fenics_contact.search_options import SearchOptions
 from tests.bank import Recipe, Variant, coulomb, wall_recipe
 
