@@ -135,7 +135,7 @@ def measure(kind: str, name: str, make: Make, share: float) -> Row:
     with Discretization(scene) as made:
         model = PlanarFaces.of(made).model
     start = time.process_time()
-    search = FaceSearch(model, SEARCH.gap if blocks < SEARCH.many_blocks else 5.0 * SEARCH.gap)
+    search = FaceSearch(model, SEARCH.gap if blocks < 10 * SEARCH.large_wall else 5.0 * SEARCH.gap)
     state = search.run()
     row: Row = dict.fromkeys(NAMES, "") | {
         "kind": kind,
@@ -216,7 +216,8 @@ def closing(rows: list[Row]) -> Iterator[str]:
             for name in ("gap", "factorizations", "seconds")
         )
         asked = [
-            SEARCH.gap if row["blocks"] < SEARCH.many_blocks else 5.0 * SEARCH.gap for row in some
+            SEARCH.gap if row["blocks"] < 10 * SEARCH.large_wall else 5.0 * SEARCH.gap
+            for row in some
         ]
         checked = [row["recomputed"] for row in some if row["recomputed"]]
         yield (

@@ -35,7 +35,7 @@ MARKS = "<!-- search options: begin -->", "<!-- search options: end -->"
 QUIET = OutputOptions(pictures=False)
 #: Seconds of processor time for one changed number.
 SECONDS = 1.5
-#: Seconds of one scene at most: changed numbers may never come to an end.
+#: And of one scene at most: changed numbers may never come to an end.
 LONGEST = 15
 
 
@@ -106,13 +106,13 @@ SCENES: dict[str, Callable[[], Scene]] = {
 
 def row(scene: Scene) -> Row:
     """The limit load of a scene as a row."""
-    signal.alarm(LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
         result = limit_load(replace(scene, output=QUIET))
     except Exception as error:  # a change may break what it is held against
         return Row(type(error).__name__, 0.0, 0)
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     words = "\n".join(
         re.sub(r"\d+\.\d+(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
         for line in summary(result).split("\n")
@@ -185,7 +185,7 @@ def main() -> None:
     parser.add_argument("--part", default="0/1", help="a share of the numbers, as 0/2 and 1/2")
     parser.add_argument("--write", action="store_true", help="the table into docs/build.md")
     options = parser.parse_args()
-    signal.signal(signal.SIGALRM, too_long)
+    signal.signal(signal.SIGPROF, too_long)
     scenes = {name: make() for name, make in SCENES.items()}
     row(next(iter(scenes.values())))  # compiles what is compiled once
     before: dict[str, Row] = {}

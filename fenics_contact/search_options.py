@@ -24,8 +24,12 @@ class SearchOptions:
     work_growth: float = 10.0
     #: Works at most that are tried in vain.
     works: int = 3
-    #: Steps, or iterations, without progress at which a method has lost its way.
+    #: Steps, or iterations, without progress at which a method has lost its way; and to get close
+    #: to a path.
     no_progress: int = 6
+    #: A decade: from one size of products, or of rho of joint forces, to the next; by which steps
+    #: and sweeps should contract; and how near to growth without limit load factors are unlimited.
+    decade: float = 0.1
     #: Error of a state that is exact, relative: joint forces next to a collapse, equilibrium of
     #: faces, and a stalled interior point method where less was asked for.
     exact_state: float = 1e-9
@@ -63,7 +67,8 @@ class SearchOptions:
     interior_steps: int = 80
     #: Steps over which the error has to halve; else the method has stalled.
     interior_window: int = 20
-    #: Steps at most from the first iterate that is exact enough, while its load factor changes.
+    #: Steps at most from the first iterate that is exact enough, while its load factor changes; and
+    #: `interior_window` at hinges.
     resting_steps: int = 3
     #: Products that are aimed at, at least, in units of the tolerance.
     least_products: float = 1e-2
@@ -84,8 +89,6 @@ class SearchOptions:
     path_room: float = 1e-4
     #: Distance from the path that may be left at its end, relative to p and q.
     path_close: float = 0.1
-    #: Steps at most to get that close.
-    path_corrections: int = 6
     #: By how much less far from the laws a step leads that is made again.
     path_shorter: float = 0.3
     #: Least such distance, in units of the usual one: random 85 and 283 end elsewhere without it.
@@ -96,32 +99,13 @@ class SearchOptions:
     points: int = 32
     #: Times that points are chosen late in one step.
     late_rounds: int = 8
-    #: Distance from its law, relative to p and q, from which on a point is chosen.
-    chosen_from: float = 0.15
-    #: Largest distance of a point that is not chosen.
+    #: Largest distance of a point that is not chosen; half as far from its law, relative to p and
+    #: q, one may be chosen.
     allowed_distance: float = 0.3
     #: What is left of the equations of chosen points, relative to p and q.
     points_solved: float = 3e-2
     #: Times that the interval is halved in which more points begin to bend than may be chosen.
     bisections: int = 6
-
-    # ---- states by joint forces (solvers/joint_forces)
-    #: Largest rho, in units of typical joint force over displacement: larger ones take more
-    #: proximal steps, with smaller ones programs are harder to solve, and digits are lost.
-    hold: float = 0.1
-    #: Factor from one rho to the next smaller one.
-    hold_factor: float = 0.2
-    #: Number of them.
-    holds: int = 7
-    #: Joint laws that are missed by so many times more than equilibrium call for a larger rho.
-    hold_balance: float = 1e2
-    #: A step that contracts less than this calls for a smaller one.
-    slow_hold: float = 0.3
-    #: Tolerance on programs, relative to the change in the last step.
-    program_accuracy: float = 1e-3
-    #: Residual at which sweeps end, likewise; those that contract less are ended by a step for all
-    #: forces.
-    sweep: float = 0.1
 
     # ---- block modes and factors (solvers/block_modes, solvers/joint_stiffness)
     #: c of the indentation of blocks: a fit to bricks of 6 to 561 nodes, linear triangles; within a
@@ -144,8 +128,6 @@ class SearchOptions:
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
     #: Relative gap of a state that counts as one at all.
     rough_gap: float = 1e-2
-    #: Part of Coulomb's law in the steps that follow, the rest of the bound being given.
-    coulomb_part: float = 0.5
     #: Steps at most.
     face_rounds: int = 10
     #: Relative gap of each; part of the dissipation that the bound misses, from which on the
@@ -165,14 +147,9 @@ class SearchOptions:
     large_wall: int = 100
     #: Cost of the path of such a wall, in factorisations: about 20 bonded solves.
     soon: float = 25.0
-    #: Gap asked for by default, five times that of many blocks;
+    #: Gap asked for by default; five times that of ten times as many blocks, for which lower states
+    #: are not looked for unasked.
     gap: float = 1e-3
-    #: so many. Lower states are then not looked for unasked.
-    many_blocks: int = 1000
-    #: Steps in which these springs' forces are taken away again.
-    field_steps: int = 3
-    #: Forces, and motions, below this part of the largest one are none.
-    no_force: float = 1e-6
 
     # ---- linear programs of rigid blocks (collapse/rigid_blocks)
     #: HiGHS' primal and dual tolerance, forces in the program's unit.
@@ -197,7 +174,8 @@ class SearchOptions:
 
     # ---- what counts as verified (results/certificate, collapse/collapse_mode)
     #: What a state may miss of its conditions, and of the limit with its own friction, in typical
-    #: units; and how far a mode by face forces may close, or miss stationarity.
+    #: units; and how far a mode by face forces may close, or miss stationarity. Forces below this
+    #: part of the largest one are none.
     verified: float = 1e-6
     #: The same of friction, the direction of slip, and the mode's penetration, power and straining.
     verified_slip: float = 1e-5
@@ -211,13 +189,10 @@ class SearchOptions:
     rising_products: float = 1e-2
     #: They grow like this power of the number of blocks of large walls, whose paths turn back more.
     products_of_many: float = 0.8
-    #: Factor from one size of products to the next smaller one.
-    decade: float = 0.1
-    #: Where block modes are left, and the interior point method is tried first;
+    #: Where block modes are left, and the interior point method is tried first; then a decade
+    #: less, down to the tolerance. Next to a state at another load they are a decade larger; at
+    #: nearly the same one, and on block modes to a peak, a decade smaller.
     end_products: float = 3e-3
-    #: then a decade less, so many times in all. Next to a state at another load they are a decade
-    #: larger, and at nearly the same one, and on block modes to a peak, a decade smaller.
-    path_ends: int = 4
 
     # ---- growing work, its costs (collapse/work_control), in factorisations of the structure
     #: First work per square of the number of blocks, if that is more: large walls are far from
@@ -228,10 +203,6 @@ class SearchOptions:
     #: Gap of a collapse state, in units of the tolerance: as its friction bound follows, the load
     #: factor still changes by 10 to 40 times as much.
     work_gap: float = 2.5e-2
-    #: A load factor of this part of that under the live load alone, at the same work, is unlimited.
-    on_line: float = 0.1
-    #: Nor is one limited that grows like this power of the work.
-    grows: float = 0.9
     #: Cost of a collapse at most, half of it for one attempt; and of a search by face forces.
     collapse_cost: float = 600.0
     #: The same with iterations on the bound, some 10 states with given friction; of all collapses
@@ -245,12 +216,13 @@ class SearchOptions:
     bound_iterations: int = 150
     #: Least relaxation, where the iteration cycles,
     least_relaxation: float = 0.05
-    #: the largest one,
+    #: and the largest one.
     largest_relaxation: float = 2.0
     #: Factor of what secants promise: slow directions hide among others.
     secant_safety: float = 3.0
     #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
-    #: interior point method it is the square of that.
+    #: interior point method it is the square of that. Its programs are a decade more exact than the
+    #: last change of forces.
     bound_precision: float = 1e-2
 
     # ---- rising load (collapse/load_control)
@@ -274,9 +246,6 @@ class SearchOptions:
     #: Where the load factor of the path with its larger products fell by this, relative, block
     #: modes do not tell that there is no peak.
     dip: float = 5e-2
-    #: Products on block modes where the path is lost with smaller ones; on the structure they are a
-    #: decade smaller, and two to the peak.
-    peak_products: float = 1e-3
     #: `path_change` on block modes: peaks are narrow,
     peak_change: float = 0.8
     #: and on the structure,
@@ -299,16 +268,12 @@ class SearchOptions:
     own_halvings: float = 2.0
     #: Displacements that change joint forces by their own size, in units of those at the work.
     hinge_give: float = 3e-3
-    #: `interior_window` there.
-    hinge_window: int = 3
-    #: `path_corrections` while joints settle,
+    #: Steps across the path while joints settle,
     hinge_corrections: int = 2
     #: with so many `points`.
     hinge_points: int = 12
     #: Meshes at most until an accuracy is reached,
     meshes: int = 8
-    #: An error is at least this part of that on the mesh before: load factors may agree by chance.
-    error_falls: float = 0.25
 
 
 #: What every search reads.

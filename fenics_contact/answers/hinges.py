@@ -51,9 +51,9 @@ IN_STONE = 1e-3
 #: Length of a hinge in units of its element side, by degree; measured.
 OF_SIDE = {1: 1.0, 2: 0.2}
 #: Joints settle next to a state soon or not at all,
-SETTLING = replace(SEARCH, path_corrections=SEARCH.hinge_corrections, points=SEARCH.hinge_points)
+SETTLING = replace(SEARCH, no_progress=SEARCH.hinge_corrections, points=SEARCH.hinge_points)
 #: and the interior point method ends soon or not at all,
-FINISHING = replace(SEARCH, interior_window=SEARCH.hinge_window)
+FINISHING = replace(SEARCH, interior_window=SEARCH.resting_steps)
 #: at a state that is so exact.
 EXACT = Tolerances(SEARCH.rounding, SEARCH.agrees)
 

@@ -185,7 +185,7 @@ def _sought(case: LoadCase) -> bool:
     """Whether friction is Coulomb's; many blocks only if asked for, at the collapse's cost."""
     options = case.discretization.scene.solve
     asked = options.states == "lowest" or options.lowest
-    return case.problem.coulomb and (bool(asked) or case.block_count < SEARCH.many_blocks)
+    return case.problem.coulomb and (bool(asked) or case.block_count < 10 * SEARCH.large_wall)
 
 
 def searched(

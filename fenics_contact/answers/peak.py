@@ -73,6 +73,9 @@ MODES_ONLY = "block modes carry more than the collapse, and the structure was no
 
 #: Phase of the path to the collapse on block modes.
 ON_THE_WAY = "block modes, rising work"
+#: Products on block modes where the path is lost with smaller ones; on the structure they are a
+#: decade smaller, and two to the peak.
+LARGER = SEARCH.rising_products * SEARCH.decade
 #: Steps of the work on block modes: peaks are narrow;
 ON_MODES = replace(SEARCH, path_change=SEARCH.peak_change)
 #: to the path of the structure,
@@ -226,10 +229,13 @@ def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = Fa
     seen_at = effort.spent + seen * cost
     found_at = effort.spent + found * cost
     none = Peak("not_known", reason=FELL) if fell else Peak("none")
-    tries = [(True, SEARCH.end_products * SEARCH.decade), (True, SEARCH.peak_products)]
+    tries = [
+        (True, SEARCH.end_products * SEARCH.decade),
+        (True, LARGER),
+    ]
     tries = [] if stays_below else tries
     if at_any_cost:
-        tries.append((False, SEARCH.peak_products * SEARCH.decade))
+        tries.append((False, LARGER * SEARCH.decade))
     peak = none
     for on_modes, products in tries:
         try:
@@ -368,7 +374,7 @@ class _Search:
         for near in points:
             task = self._task(near.work)
             path = LoadingPath(task)
-            far = task.mu(SEARCH.peak_products * SEARCH.decade)
+            far = task.mu(LARGER * SEARCH.decade)
             close = SEARCH.decade * far
             try:
                 start = path.with_products(path.next_to(near.state, far), close, NEAR)

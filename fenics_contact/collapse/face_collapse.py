@@ -107,7 +107,7 @@ def searched(model: FaceModel, asked: float, wait: Callable[[], None]) -> Search
 
 def _asked_gap(case: LoadCase) -> float:
     """The gap that a state may have, as the scene asks for it or by default."""
-    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
+    default = SEARCH.gap if case.block_count < 10 * SEARCH.large_wall else 5.0 * SEARCH.gap
     given = case.discretization.scene.solve.gap
     return default if given is None else given
 
@@ -209,9 +209,8 @@ def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor
     right = problem.dead + load_factor * problem.live + problem.joint_forces(pressure, shear)
     spring = np.full(problem.points, SEARCH.sliding_spring * case.stiffness.mean_diagonal)
     factor = case.stiffness.factor(spring, spring)
-    u = np.zeros_like(right)
-    for _ in range(SEARCH.field_steps):
-        u = u + factor.solve(right - problem.stiffness @ u)
+    u = factor.solve(right)
+    u = u + factor.solve(right - problem.stiffness @ u)  # without the springs' forces
     return problem.state(u, load_factor, pressure, shear)
 
 
@@ -241,7 +240,7 @@ def _at_strength(faces: PlanarFaces, force: Array) -> tuple[PlaceAtStrength, ...
     model = faces.model
     normal = model.normal(force)
     left = force[:, :2] - (model.kappa * normal**2)[:, None]
-    at_strength = (model.kappa > 0.0) & (normal > SEARCH.no_force * normal.max(initial=0.0))
+    at_strength = (model.kappa > 0.0) & (normal > SEARCH.verified * normal.max(initial=0.0))
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.

@@ -41,13 +41,13 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     forces = np.column_stack([values.normal_force, values.shear_force])
     laws = joints.point_laws
     # Forces that are not at their bounds,
-    least = SEARCH.no_force * np.abs(forces).max(initial=0.0)
+    least = SEARCH.verified * np.abs(forces).max(initial=0.0)
     pressed = forces[:, 0] + laws.bond > least
     sticks = laws.bound(forces[:, 0] + laws.bond) - np.abs(forces[:, 1]) > least
     free = np.column_stack([pressed & (sticks | ~laws.frictional), pressed & sticks])
     # at points that have neither opened nor slipped, and do not in the collapse mode.
     moved = np.maximum(values.gap, np.abs(values.slip))
-    still = moved <= SEARCH.no_force * max(moved.max(initial=0.0), 0.0)
+    still = moved <= SEARCH.verified * max(moved.max(initial=0.0), 0.0)
     free &= (still & ~values.opens & ~values.slips)[:, None]
     dofs, *of_point = coefficients(joints, whole.supports, np.arange(len(joints.length)))
     rows = _NodalRows(dofs, np.stack(of_point, axis=1))

@@ -214,9 +214,11 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     point = path.next_to(state, mu)
     passed: list[PathPoint] = []
     try:
-        for end in SEARCH.end_products * SEARCH.decade ** np.arange(SEARCH.path_ends):
-            point = path.with_products(point, task.mu(float(end)))
+        end = SEARCH.end_products
+        while end > SEARCH.usual_tolerance:
+            point = path.with_products(point, task.mu(end))
             passed.append(point)
+            end *= SEARCH.decade
             try:
                 return solve_interior_point(kkt, point.state, point.mu, task.tolerances, FINISHING)
             except SolverError as error:

@@ -210,11 +210,11 @@ class _Search:
             works = np.array([one.ratio for one in last])
             if len(last) < 3 or not np.all(factors > 0.0):
                 return False
-            grown = np.diff(np.log(factors)) >= SEARCH.grows * np.diff(np.log(works))
+            grown = np.diff(np.log(factors)) >= (1.0 - SEARCH.decade) * np.diff(np.log(works))
             return bool(np.all(grown)) and blocks.is_unlimited()
         if not self._last_found:
             return True
-        return self.found[-1].load_factor > SEARCH.on_line * self._line * self.found[-1].ratio
+        return self.found[-1].load_factor > SEARCH.decade * self._line * self.found[-1].ratio
 
     @cached_property
     def _line(self) -> float | None:

@@ -121,11 +121,14 @@ class Discretization(Layout, Closing):
         stiffness, normal, tangential, rigid = maps
         law = self.joints.point_laws.at(self.points)
         loads = made.dead, made.live
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid)
+        no_compliance = np.zeros((2, len(law.friction)))
+        self.problem = ContactProblem(
+            stiffness, *loads, normal, tangential, law, rigid, no_compliance
+        )
         self._take_loads_and_laws()
         self.effort = Effort()
-        self.tally = Tally(effort=self.effort)
-        self.mode_tally = Tally(cost=MODE_COST, effort=self.effort)
+        self.tally = Tally(1.0, self.effort)
+        self.mode_tally = Tally(MODE_COST, self.effort)
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
 

@@ -70,9 +70,9 @@ class Joints:
         gap: Initial opening of every point, m; 0 where the law gives no gap.
         curvature: Of one side relative to the other, 1/m; 0 unless sides are curved and unlike.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
+        corners: Number of points before ties, in no segment, at which a corner meets a side.
         unbonded: Points that have lost cohesion and tensile strength; none if left out.
         ties: The last points; None: there are none.
-        corners: Number of points before them, in no segment, at which a corner meets a side.
     """
 
     nodes: Indices
@@ -89,10 +89,10 @@ class Joints:
     middle: Indices
     gap: Array
     curvature: Array
-    offset: float = 0.0
+    offset: float
+    corners: int
     unbonded: Flags | None = None
     ties: Ties | None = None
-    corners: int = 0
 
     def without_ties(self) -> Joints:
         """The joint points alone."""

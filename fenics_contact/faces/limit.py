@@ -142,9 +142,9 @@ class FaceSearch:
         return self.model.normal(np.maximum(response.dead_force, 0.0))
 
     def _with_given_part(self, pressed: Array, work: float) -> None:
-        """Steps with a part of the bound given, from some pressing forces."""
+        """Steps with half of Coulomb's law, the rest of the bound given, from some forces."""
         model = self.model
-        theta = SEARCH.coulomb_part
+        theta = 0.5
         for _ in range(SEARCH.face_rounds):
             if self.is_spent:
                 break

@@ -77,7 +77,7 @@ class JointValues:
         """`Contact` of every point."""
         contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
         force = self.normal_force + self.bond
-        loaded = force > SEARCH.no_force * force.max(initial=0.0)
+        loaded = force > SEARCH.verified * force.max(initial=0.0)
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 

@@ -182,7 +182,7 @@ class Continuation:
     def settled(self, point: PathPoint, close: float) -> PathPoint:
         """The point after steps across the path alone, until it is close, relative to p and q."""
         allowed = self.options.allowed_distance
-        for _ in range(self.options.path_corrections):
+        for _ in range(self.options.no_progress):
             if self.distance(point) <= close:
                 break
             _, point, _ = self._next(point, None, allowed, self.options.late_rounds)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from mpi4py import MPI
 
@@ -133,14 +133,14 @@ class Tally:
     """Number of numeric factorisations of one kind so far.
 
     Attributes:
-        count: How many.
         cost: Of one, in units of one factorisation of the structure.
         effort: Where the cost is summed up and limited.
+        count: How many.
     """
 
+    cost: float
+    effort: Effort
     count: int = 0
-    cost: float = 1.0
-    effort: Effort = field(default_factory=Effort)
 
     def add(self) -> None:
         """Count one more; raises as `Effort.spend` does."""

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -246,24 +246,32 @@ class DelassusOperator(Closing):
 
 @dataclass
 class SplittingHistory:
-    """Counts over all states solved for.
+    """What was done over all states solved for.
 
     Attributes:
-        steps: Proximal steps.
-        joint_steps: Those that ended with a step for both kinds of forces at once.
-        sweeps: Pairs of subproblems.
-        log_contraction: Sum over the sweeps of the logarithms of what the residual fell by.
+        residuals: After every proximal step.
+        contractions: By what the residual fell in every sweep, a pair of subproblems.
+        joint_steps: Number of steps that ended with one for both kinds of forces at once.
     """
 
-    steps: int = 0
+    residuals: list[float] = field(default_factory=list)
+    contractions: list[float] = field(default_factory=list)
     joint_steps: int = 0
-    sweeps: int = 0
-    log_contraction: float = 0.0
+
+    @property
+    def steps(self) -> int:
+        """Number of proximal steps."""
+        return len(self.residuals)
+
+    @property
+    def sweeps(self) -> int:
+        """Number of pairs of subproblems."""
+        return len(self.contractions)
 
     @property
     def contraction(self) -> float | None:
         """Factor by which the residual fell per sweep, geometric mean; None without sweeps."""
-        return float(np.exp(self.log_contraction / self.sweeps)) if self.sweeps else None
+        return float(np.exp(np.mean(np.log(self.contractions)))) if self.sweeps else None
 
 
 @dataclass(frozen=True)
@@ -292,9 +300,8 @@ class ProximalStep:
         found = x.copy()
         found[rows] = 0.0
         rest = self.right - self.operator.matrix @ found
-        tolerance = float(
-            np.clip(SEARCH.program_accuracy * self.change, ROUNDING, SEARCH.program_accuracy)
-        )
+        accuracy = SEARCH.decade * SEARCH.bound_precision
+        tolerance = float(np.clip(accuracy * self.change, ROUNDING, accuracy))
         lower, upper = self.bounds
         found[rows] = program.solve(rest[rows], lower[rows], upper[rows], x[rows], tolerance)
         return found
@@ -320,13 +327,12 @@ def alternately(step: ProximalStep, x: Array) -> Array:
     """Minimiser by sweeps, ended by a step for all forces where they contract slowly, from x."""
     history = step.history
     residual = step.residual(x)
-    while residual > SEARCH.sweep * step.change:
+    while residual > SEARCH.decade * step.change:
         x = step.minimise(TANGENTIAL, step.minimise(NORMAL, x))
         before = residual
         residual = step.residual(x)
-        history.sweeps += 1
-        history.log_contraction += float(np.log(max(residual / before, ROUNDING)))
-        if not residual <= SEARCH.sweep * before:
+        history.contractions.append(max(residual / before, ROUNDING))
+        if not residual <= SEARCH.decade * before:
             return at_once(step, x)
     return x
 
@@ -390,7 +396,7 @@ class JointForceSolver(Closing):
             if not min(errors[-patience:]) < 0.5 * min([np.inf, *errors[:-patience]]):
                 break
             level, last = self._adapted(level, last, near, state, residuals)
-        self.history.steps += len(errors)
+        self.history.residuals += errors
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
         if not best[0] <= max(tolerance, SEARCH.exact_state / SEARCH.decade**2):
@@ -408,16 +414,16 @@ class JointForceSolver(Closing):
         size = self._problem.max(np.abs(state.displacement)) or 1.0
         change = self._problem.max(np.abs(state.displacement - near.displacement)) / size
         joints = max(value for name, value in residuals.items() if name != "equilibrium")
-        if joints > SEARCH.hold_balance * residuals["equilibrium"]:
+        if SEARCH.decade**2 * joints > residuals["equilibrium"]:
             level = max(level - 1, 0)
-        elif last < 1.0 and change > SEARCH.slow_hold * last:
-            level = min(level + 1, SEARCH.holds - 1)
+        elif last < 1.0 and change > SEARCH.decade * last:
+            level = level + 1
         return level, min(change, last, joints + residuals["equilibrium"])
 
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
         size = scales.displacement
-        rho = SEARCH.hold * SEARCH.hold_factor**level * scales.force / size
+        rho = SEARCH.decade ** (1 + level) * scales.force / size
         if rho not in self._operators:
             operator = DelassusOperator(self._problem, self._points, rho)
             self._operators[rho] = self._owner.enter_context(operator)

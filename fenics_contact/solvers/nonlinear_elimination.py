@@ -232,17 +232,17 @@ class NonlinearElimination:
                     low = middle
                     first = tried
             # Distances end at about one. Farther on, points that bend first are no more the worst.
-            found = np.where(first > options.chosen_from, np.inf, found)
+            found = np.where(first > 0.5 * SEARCH.allowed_distance, np.inf, found)
         return self._worst(found, options.points)
 
     def _too_many(self, distances: Array) -> bool:
         """Whether more points bend than may be chosen."""
-        return np.count_nonzero(distances > self.options.chosen_from) > self.options.points
+        return np.count_nonzero(distances > 0.5 * SEARCH.allowed_distance) > self.options.points
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points furthest from their laws, at most so many."""
         place = np.flatnonzero(
-            distances > min(self.options.chosen_from, self.options.allowed_distance)
+            distances > min(0.5 * SEARCH.allowed_distance, self.options.allowed_distance)
         )
         return place[np.argsort(-distances[place], kind="stable")[:most]]
 

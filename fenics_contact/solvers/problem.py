@@ -11,7 +11,7 @@ joint values where it owns the joint point. PETSc objects stay inside `SparseMap
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 import numpy as np
@@ -189,11 +189,7 @@ class ContactProblem:
     tangential: SparseMap
     law: PointLaws
     rigid: SparseMap
-    compliance: Array = field(default_factory=lambda: np.zeros((2, 0)))
-
-    def __post_init__(self) -> None:
-        if self.compliance.shape[1] != self.points:
-            object.__setattr__(self, "compliance", np.zeros((2, self.points)))
+    compliance: Array
 
     def with_law(self, **constants: Array) -> ContactProblem:
         """The problem with other constants of the law, by their names."""

@@ -371,7 +371,9 @@ def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -
         search.run()
     except (SolverError, Stopped) as error:
         _log.info("  lower end of the bracket: %s", error)
-    _log.info("  lower end of the bracket: %.8g by %d programs", search.lower, search.solved)
+    _log.info(
+        "  lower end of the bracket: %.8g by %d programs", search.lower, len(search.iterations)
+    )
     return search.lower
 
 
@@ -402,8 +404,7 @@ class _Search:
         check_stop: Called before every program.
         upper: u.
         lower: No collapse state is below.
-        solved: Number of programs.
-        pivots: Iterations times equations.
+        iterations: Of HiGHS, in every program.
         found: Admissible forces: load factors, and normal forces of all faces.
         last: Normal forces for which P was asked last, and the answer.
     """
@@ -413,8 +414,7 @@ class _Search:
     check_stop: Callable[[], None]
     upper: float
     lower: float = -np.inf
-    solved: int = 0
-    pivots: int = 0
+    iterations: list[int] = field(default_factory=list)
     found: list[tuple[float, Array]] = field(default_factory=list)
     last: tuple[Array, GivenFriction] | None = None
 
@@ -527,11 +527,10 @@ class _Search:
     def _answered(self, program: Callable[[int], _Answer]) -> _Answer:
         """What a program answers in the iterations of HiGHS that are left to it."""
         equations = self.model.forces.shape[0]
-        left = (SEARCH.pivots - self.pivots) // equations
-        if left < 1 or self.solved >= SEARCH.programs:
-            raise SolverError(f"{self.solved} linear programs did not bring it to an end")
+        left = SEARCH.pivots // equations - sum(self.iterations)
+        if left < 1 or len(self.iterations) >= SEARCH.programs:
+            raise SolverError(f"{len(self.iterations)} linear programs did not bring it to an end")
         self.check_stop()
         answer = program(left)
-        self.solved += 1
-        self.pivots += answer.iterations * equations
+        self.iterations.append(answer.iterations)
         return answer
