@@ -191,16 +191,21 @@ class LimitLoad(Result, Pictured):
         return replace(view, caption=caption_of(self.status, end.engine))
 
     @checked
-    def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
+    def write(
+        self,
+        folder: str | Path,
+        hurry: Callable[[], bool] = lambda: False,
+        beside: Executor | None = None,
+    ) -> None:
         """Write result.json, and what the scene's output options say; the folder is made.
 
         It solves for the brackets, and traces the capacity curve where the scene asks for one, if
         the result is without. Once `hurry` is true, on all ranks, only result.json and the report
-        are written.
+        are written. Pictures are drawn `beside` the other files, see `limit_load`.
         """
         curve = self.scene.output.capacity and not (self.capacity or self.stopped)
         whole = self.with_capacity() if curve else self
-        write_result(whole.with_brackets(), Path(folder), hurry)
+        write_result(whole.with_brackets(), Path(folder), hurry, beside)
 
 
 class Monitor(Protocol):

@@ -229,6 +229,8 @@ def _parser() -> argparse.ArgumentParser:
 
     add = of_scene("solve", "compute the limit load of a scene", "SCENE without ending")
     add("--fast", action="store_true", help="the load factor and its bracket alone, verified")
+    text = "draw all pictures now: also scene, forces, thrust and stress, which `report` draws"
+    add("--pictures", action="store_true", help=text)
     add("--jobs", type=int, default=1, metavar="N", help="processes that share its tasks (1)")
 
     of_scene("check", "read a scene, say what is in it, solve nothing")

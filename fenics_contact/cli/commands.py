@@ -107,7 +107,8 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     say(f"reading {options.scene}")
     folder = _output_folder(options, comm)
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
-    scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast])
+    every = ["output.pictures=all"] if options.pictures else []
+    scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast, *every])
     read = time.perf_counter() - start
     count = comm.size * ranks_of(beside)
     say(f"{counted(scene.mesh.body_count, 'block')} on {counted(count, 'rank')}")
@@ -122,7 +123,7 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
-        result.write(folder, lambda: _first(signals, comm) > 0)
+        result.write(folder, lambda: _first(signals, comm) > 0, beside)
         say(f"written to {folder}")
         number = _first(signals, comm)
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]

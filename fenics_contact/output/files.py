@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +19,18 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors import plain
+from fenics_contact.errors import SolverError, plain
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import stress_raster, write_blocks, write_joints, write_series
-from fenics_contact.output.folder import DrawingError, drawing, filled_at_once, going_on, writing
-from fenics_contact.output.plotting import (
-    Draw,
-    draw_forces,
-    draw_marked,
-    draw_mode,
-    draw_scene,
-    draw_stress,
-    draw_thrust,
-    save,
-    save_capacity,
-    whole_thrust,
+from fenics_contact.output.figures import (
+    FIGURES,
+    Figure,
+    draw_figures,
+    picture_paths,
+    write_figures,
 )
+from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
+from fenics_contact.output.plotting import save_capacity
 from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
@@ -45,9 +43,10 @@ from fenics_contact.results.values import (
     mechanism,
     tie_arrays,
 )
-from fenics_contact.scene.scene import Scene, function_name
+from fenics_contact.scene.scene import ALL, Scene, function_name
 from fenics_contact.scene.units import rounded_alike
 from fenics_contact.version import __version__
+from fenics_contact.workers import InPlace
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -57,6 +56,8 @@ BRACKET = ("lower", "upper", "frictionless", "meet")
 
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
+#: Title of blocks that fall.
+FALLS = "does not stand under its dead load"
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 #: Units by key; keys without one have numbers without unit, or words.
@@ -77,13 +78,21 @@ UNITS: Mapping[str, str] = {
     for key in keys.split()
 }
 
+_log = logging.getLogger("fenics_contact")
+
 Record = dict[str, Any]
 
 
-def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambda: False) -> None:
+def write_result(
+    result: Result,
+    folder: Path,
+    hurry: Callable[[], bool] = lambda: False,
+    beside: Executor | None = None,
+) -> None:
     """Write everything the scene's output options ask for; the folder is made if need be.
 
-    Once `hurry` is true, on all ranks, only result.json and the report are written.
+    Once `hurry` is true, on all ranks, only result.json and the report are written. Pictures are
+    drawn `beside` the other files.
 
     Collective. Files appear when all of them are complete, result.json last, so that its presence
     says that all is there.
@@ -94,7 +103,7 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
     start = time.perf_counter()
     comm = result.scene.comm
     with filled_at_once(folder, RECORD, comm) as hidden:
-        lost = _write_fields(result, hidden, hurry)
+        lost = _write_fields(result, hidden, hurry, beside or InPlace())
         left_out = (*lost, *((SKIPPED_FILES,) if hurry() else ()))
         seconds = {**result.seconds, "write": time.perf_counter() - start}
         result = replace(result, skipped=(*result.skipped, *left_out), seconds=seconds)
@@ -112,7 +121,9 @@ def _write_record(record: Record, folder: Path) -> None:
     (folder / RECORD).write_text(json.dumps(record, indent=2) + "\n")
 
 
-def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> list[str]:
+def _write_fields(
+    result: Result, folder: Path, hurry: Callable[[], bool], beside: Executor
+) -> list[str]:
     """Pictures, ParaView files and the capacity curve. Collective.
 
     Returns:
@@ -122,54 +133,111 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> li
     layout = result.layout
     options = result.scene.output
     lost: list[str] = []
+    figures: list[Figure] = []
     views: dict[str, View] = {}
-    if result.fall is not None and options.pictures and not hurry():
-        title = "does not stand under its dead load"
-        with going_on(lost):
-            path = folder / "collapse"
-            views["fall"] = draw_blocks(layout, result.falling, result.fall, title, path)
-    for direction, end in result.ends.items():
-        negative = direction == "negative"
-        suffix = "_negative" if negative and len(result.ends) == 2 else ""
-        reversal = ", live load reversed" if negative else ""
-        sign = -1.0 if negative else 1.0
-        pictures = options.pictures and not hurry()
-        if end.status == "unbounded":
-            title = f"unbounded, these blocks wedge{reversal}"
-            path = folder / f"collapse{suffix}"
-            if pictures:
-                with going_on(lost):
-                    draw_blocks(layout, result.wedged(end), None, title, path, sign)
-        elif end.state is not None and end.mode is not None and end.joints is not None:
-            state = layout.with_imposed(end.state)
-            if pictures:
-                view = view_of(layout, end.mode, end.joints, sign)
-                view = replace(view, caption=caption_of(end.status, end.engine))
-                views[direction] = view
-                title = _title(end, reversal)
-                with going_on(lost):
-                    draw_state(layout, view, state.elastic, title, folder, "collapse", suffix)
-            if options.paraview and not hurry():
+    drawn: list[Figure] = []
+    if options.pictures and not hurry():
+        figures, views = _figures(result)
+        collapses = [one for one in figures if one.kind in ("collapse", "marked")]
+        everything = options.pictures == ALL or options.report
+        drawn = figures if everything else collapses or figures
+    with _drawing(drawn, folder, result.scene, lost, hurry, beside):
+        for direction, end in result.ends.items():
+            if end.state is None or end.mode is None or end.joints is None:
+                continue
+            if options.paraview and end.status != "unbounded" and not hurry():
+                suffix = _suffix(result, direction)
+                state = layout.with_imposed(end.state)
                 path = folder / f"blocks{suffix}.pvd"
                 write_blocks(path, layout, state.displacement, state.elastic, end.mode)
                 path = folder / f"joints{suffix}.vtu"
                 write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
-    if options.pictures and not hurry():
+    if figures and not hurry():
+        kept = [one for one in figures if one not in drawn]
         with writing(comm):
+            if comm.rank == 0 and kept:
+                write_figures(folder / FIGURES, kept)
             if comm.rank == 0 and views:  # how the blocks move, for the slider of the report
                 motions = {name: motion_record(view) for name, view in views.items()}
                 (folder / MOTION).write_text(json.dumps(motions, separators=(",", ":")) + "\n")
-        falls = result.fall is not None
-        view = view_of(layout) if falls or not views else next(iter(views.values()))
-        draw = partial(draw_scene, scene=result.scene)
-        with going_on(lost):
-            draw_pictures(result.scene, view, "", {folder / "scene": draw})
     with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", layout, result.capacity)
     return lost
+
+
+def _suffix(result: Result, direction: str) -> str:
+    """What names of files have behind them in one of two directions."""
+    return "_negative" if direction == "negative" and len(result.ends) == 2 else ""
+
+
+def _figures(result: Result) -> tuple[list[Figure], dict[str, View]]:
+    """All pictures of a result but that of its curve, and motions by direction. Collective."""
+    layout = result.layout
+    figures: list[Figure] = []
+    views: dict[str, View] = {}
+    if result.fall is not None:
+        figures.append(figure_of_blocks(layout, result.falling, result.fall, FALLS))
+        views["fall"] = figures[0].view
+    for direction, end in result.ends.items():
+        negative = direction == "negative"
+        suffix = _suffix(result, direction)
+        reversal = ", live load reversed" if negative else ""
+        sign = -1.0 if negative else 1.0
+        if end.status == "unbounded":
+            title = f"unbounded, these blocks wedge{reversal}"
+            wedged = result.wedged(end)
+            figures.append(figure_of_blocks(layout, wedged, None, title, suffix, sign))
+        elif end.state is not None and end.mode is not None and end.joints is not None:
+            view = view_of(layout, end.mode, end.joints, sign)
+            view = replace(view, caption=caption_of(end.status, end.engine))
+            views[direction] = view
+            elastic = layout.with_imposed(end.state).elastic
+            title = _title(end, reversal)
+            figures += figures_of_state(layout, view, elastic, title, "collapse", suffix)
+    falls = result.fall is not None
+    view = view_of(layout) if falls or not views else next(iter(views.values()))
+    return [*figures, Figure("scene", "scene", view, _whole(layout.scene, ""))], views
+
+
+@contextmanager
+def _drawing(
+    figures: Sequence[Figure],
+    folder: Path,
+    scene: Scene,
+    lost: list[str],
+    hurry: Callable[[], bool] = lambda: False,
+    beside: Executor | None = None,
+) -> Iterator[None]:
+    """Draw pictures on rank 0, beside what is done in this context or before it. Collective.
+
+    What could not be drawn is added to `lost`, on all ranks.
+    """
+    comm = scene.comm
+    formats = scene.output.formats
+    task: Future[list[str]] | None = None
+    if figures and comm.size == 1 and beside is not None and not isinstance(beside, InPlace):
+        task = beside.submit(draw_figures, figures, folder.absolute(), formats)
+    known: list[str] | None = None
+    if task is None:
+        known = []
+        for figure in figures:
+            if hurry():
+                break
+            with writing(comm):
+                known += draw_figures([figure], folder, formats) if comm.rank == 0 else []
+    yield
+    with writing(comm):
+        if task is not None:
+            with suppress(SolverError):  # the process ended: once more here
+                known = task.result()
+        if known is None:
+            known = draw_figures(figures, folder, formats)
+    for text in comm.bcast(known):
+        lost.append(text)
+        _log.warning("warning: %s", text)
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -183,7 +251,7 @@ def _write_capacity(result: Result, folder: Path) -> None:
     end = result.collapse
     if result.scene.output.pictures and end is not None:
         title = plain(result.scene.title, LONGEST_TITLE)
-        paths = picture_paths(result.scene, folder / "capacity")
+        paths = picture_paths(folder / "capacity", result.scene.output.formats)
         with drawing("capacity"):
             save_capacity(result.capacity, end, title, paths)
 
@@ -201,80 +269,49 @@ def _title(end: Collapse, reversal: str) -> str:
 # ---- pictures of one state, or of blocks
 
 
-def picture_paths(scene: Scene, path: Path) -> list[Path]:
-    """Files of a picture, in all formats asked for; `path` is without its ending."""
-    formats = dict.fromkeys(scene.output.formats)
-    return [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+def _whole(scene: Scene, title: str) -> str:
+    """Title of a picture below that of its scene."""
+    return "\n".join(filter(None, (plain(scene.title, LONGEST_TITLE), title)))
 
 
-def draw_pictures(scene: Scene, view: View, title: str, pictures: Mapping[Path, Draw]) -> None:
-    """Pictures by file without its ending, on rank 0. Collective.
-
-    Raises:
-        DrawingError: On all ranks, once all others are drawn, if one cannot be.
-    """
-    whole = "\n".join(filter(None, (plain(scene.title, LONGEST_TITLE), title)))
-    with writing(scene.comm):
-        failed = []
-        for path, draw in pictures.items() if scene.comm.rank == 0 else ():
-            paths = picture_paths(scene, path)
-            try:
-                with drawing(path.name):
-                    save(view, whole, paths, draw)
-            except DrawingError as error:
-                failed.append(str(error))
-                for part in paths:
-                    part.unlink(missing_ok=True)
-        if failed:
-            raise DrawingError("; ".join(failed))
-
-
-def draw_state(
-    layout: Layout,
-    view: View,
-    elastic: Array,
-    title: str,
-    folder: Path,
-    motion: str,
-    suffix: str = "",
-) -> None:
-    """Motion, forces, stresses and whole lines of thrust of a state. Collective.
+def figures_of_state(
+    layout: Layout, view: View, elastic: Array, title: str, motion: str, suffix: str = ""
+) -> list[Figure]:
+    """Motion, forces, stresses and lines of thrust of a state. Collective.
 
     Args:
         layout: Of the state.
         view: What the pictures show.
         elastic: Displacement without a large motion, this rank's part.
         title: Of all pictures.
-        folder: Where to.
         motion: Name of the picture of the motion.
         suffix: What all names have behind them.
     """
-    stress = partial(draw_stress, raster=stress_raster(layout, elastic))
-    panels: dict[str, Draw] = {motion: draw_mode, "forces": draw_forces, "stress": stress}
-    with drawing(f"thrust{suffix}"):  # alike on all ranks
-        if len(whole_thrust(view).segments):
-            panels["thrust"] = draw_thrust
-    pictures = {folder / f"{name}{suffix}": draw for name, draw in panels.items()}
-    draw_pictures(layout.scene, view, title, pictures)
+    stressed = replace(view, stress=stress_raster(layout, elastic))
+    whole = _whole(layout.scene, title)
+    return [
+        Figure(f"{motion}{suffix}", "collapse", view, whole),
+        Figure(f"forces{suffix}", "forces", view, whole),
+        Figure(f"stress{suffix}", "stress", stressed, whole),
+        Figure(f"thrust{suffix}", "thrust", view, whole),
+    ]
 
 
-def draw_blocks(
+def figure_of_blocks(
     layout: Layout,
     blocks: Indices,
     motion: Array | None,
     title: str,
-    path: Path,
+    suffix: str = "",
     sign: float = 1.0,
-) -> View:
-    """Picture of some blocks among all, moved by rigid motions (a, b, c) by block. Collective.
+) -> Figure:
+    """Some blocks among all, moved by rigid motions (a, b, c) by block. Collective.
 
-    Returns:
-        What it shows; `sign` is that of the live load.
+    `sign` is that of the live load.
     """
     mode = None if motion is None else layout.rigid_motion(motion)
     view = replace(view_of(layout, mode, sign=sign), marked=blocks)
-    draw_pictures(layout.scene, view, title, {path: draw_marked})
-    return view
+    return Figure(f"collapse{suffix}", "marked", view, _whole(layout.scene, title))
 
 
 def write_service_state(
@@ -313,18 +350,18 @@ def write_service_state(
         **origin_record(layout),
         **numbers,
     }
+    figures: list[Figure] = []
+    if scene.output.pictures and found.fall is not None:
+        figures = [figure_of_blocks(layout, falling, found.fall, FALLS)]
+    if scene.output.pictures and state is not None and view is not None:
+        title = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"
+        figures += figures_of_state(layout, view, state.elastic, title, "state")
     with filled_at_once(folder, RECORD, scene.comm) as hidden:
-        with going_on(record["warnings"]):
-            if scene.output.pictures and found.fall is not None:
-                title = "does not stand under its dead load"
-                draw_blocks(layout, falling, found.fall, title, hidden / "collapse")
-            if scene.output.pictures and state is not None and view is not None:
-                title = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"
-                draw_state(layout, view, state.elastic, title, hidden, "state")
-        if scene.output.paraview and state is not None and found.joint_values is not None:
-            moved = state.displacement
-            write_blocks(hidden / "blocks.pvd", layout, moved, state.elastic, None)
-            write_joints(hidden / "joints.vtu", layout, found.joint_values, moved, None)
+        with _drawing(figures, hidden, scene, record["warnings"]):
+            if scene.output.paraview and state is not None and found.joint_values is not None:
+                moved = state.displacement
+                write_blocks(hidden / "blocks.pvd", layout, moved, state.elastic, None)
+                write_joints(hidden / "joints.vtu", layout, found.joint_values, moved, None)
         with writing(scene.comm):
             if scene.comm.rank == 0:
                 _write_record(strict(record), hidden)

@@ -9,7 +9,7 @@ import io
 import os
 import tempfile
 from abc import ABC, abstractmethod
-from functools import partial
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -106,7 +106,7 @@ class Pictured(ABC):
             elastic = self._elastic()
             if elastic is None:
                 raise SolverError("no stresses to draw: the blocks fall")
-            draw = partial(draw_stress, raster=stress_raster(self.layout, elastic))
+            view = replace(view, stress=stress_raster(self.layout, elastic))
         if self.layout.scene.comm.rank != 0:
             return None
         return draw(new_axes() if axes is None else axes, view)

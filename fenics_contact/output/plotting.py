@@ -16,16 +16,14 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from fenics_contact.discretization.joints import GROUND
-from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.errors import InputError, check_like, plain
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.fields import StressRaster, facet_contact, principal_stresses
+from fenics_contact.output.fields import facet_contact, principal_stresses
 from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import Loads, View, outlines
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import Contact, TieState
-from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.units import rounded_alike
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
@@ -180,14 +178,20 @@ def whole_thrust(view: View) -> ThrustLines:
     return thrust_lines(face_resultants(view.joints, view.values), view.centre)
 
 
-def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
+def draw_stress(axes: Any, view: View) -> Any:
     """The larger compressive principal stress in colour, and crosses of both.
 
     Crosses are means over squares, as long as the stresses are large: black for compression, wide
     and red for tension.
+
+    Raises:
+        ValueError: If the view has no stresses.
     """
     from matplotlib.colors import LinearSegmentedColormap
 
+    raster = view.stress
+    if raster is None:
+        raise ValueError("there are no stresses: no state was found")
     frame(axes, view)
     pressure = -principal_stresses(raster.stress)[0][..., 1]
     known = np.maximum(pressure[np.isfinite(pressure)], 0.0)
@@ -251,37 +255,28 @@ def draw_capacity(
 # ---- the scene
 
 
-def draw_scene(axes: Any, view: View, scene: Scene) -> Any:
+def draw_scene(axes: Any, view: View) -> Any:
     """Blocks by material, groups with a role, ties and loads, each by its name."""
-    boundary = view.boundary
+    roles = view.roles
     points = view.rest.reshape(-1, 2)
     room = 1.5 * STROKE * view.size  # for strokes outside the structure
     around = np.stack([points.min(axis=0) - room, points.max(axis=0) + room])
     frame(axes, view, *arrow_ends(view, view.dead), around)
     draw_outlines(axes, view, view.rest)
-    entries = [*_joint_entries(axes, view), *_held_entries(axes, view, scene)]
+    entries = [*_joint_entries(axes, view), *_held_entries(axes, view)]
     if view.ties is not None:
         for ends in view.ties.bars.sides:
             (line,) = axes.plot(*ends.T, marker="s", ms=4.0, color=GREEN, lw=1.6, zorder=4)
-        names = ", ".join(scene.ties)
+        names = ", ".join(roles.ties)
         names = names if len(names) <= 40 else f"{names[:36]} ..."
-        entries.append((f"tie{'s' * (len(scene.ties) > 1)} {names}", line))
-    for load, arrows, colour, label in (
-        (scene.dead, view.dead, DEAD, "dead load"),
-        (scene.live, view.live, BLACK, "live load"),
+        entries.append((f"tie{'s' * (len(roles.ties) > 1)} {names}", line))
+    for named, arrows, colour, label in (
+        (roles.dead, view.dead, DEAD, "dead load"),
+        (roles.live, view.live, BLACK, "live load"),
     ):
         entries += draw_load(axes, view, arrows, colour, label)
-        edges = {n: np.flatnonzero(boundary.in_group(n)) for n in (*load.traction, *load.earth)}
-        if load is scene.dead:
-            edges |= {n: strips.facets for n, strips in floor_strips(scene, boundary).items()}
-        named = [
-            (name, view.rest[mine].mean(axis=(0, 1)), -boundary.normal[mine].mean(axis=0))
-            for name, mine in edges.items()
-        ]
-        along = arrows.forces.vector / np.linalg.norm(arrows.forces.vector, axis=1, keepdims=True)
-        named += zip(load.force, arrows.forces.place, along, strict=False)
         style = {"fontsize": 9, "color": colour, "ha": "center", "va": "center", **_halo()}
-        for name, place, away in named:
+        for name, place, away in zip(*named, strict=True):
             axes.text(*(place + 0.04 * view.size * away), plain(name), **style)
     draw_bar(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
@@ -311,12 +306,10 @@ def _joint_entries(axes: Any, view: View) -> Iterator[Any]:
         yield f"joints {joints.names[number]}", line
 
 
-def _held_entries(axes: Any, view: View, scene: Scene) -> Iterator[Any]:
+def _held_entries(axes: Any, view: View) -> Iterator[Any]:
     """Edges on foundations and supports, with oblique strokes on the side of what does not move."""
     boundary = view.boundary
-    kinds = {name: "foundation" for name in scene.foundations}
-    kinds |= {name: f"support ({kind})" for name, kind in scene.supports.items()}
-    for rank, (name, kind) in enumerate(kinds.items()):
+    for rank, (name, kind) in enumerate(view.roles.held):
         mine = boundary.in_group(name)
         if not np.any(mine):
             continue

@@ -13,9 +13,20 @@ from mpi4py import MPI
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.loads import forces_on_facets, weights_of_floors
+from fenics_contact.discretization.loads import (
+    floor_strips,
+    forces_on_facets,
+    weights_of_floors,
+)
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.output.fields import at_nodes, at_sides, material_numbers, middle, mode_scale
+from fenics_contact.output.fields import (
+    StressRaster,
+    at_nodes,
+    at_sides,
+    material_numbers,
+    middle,
+    mode_scale,
+)
 from fenics_contact.results.values import JointValues, TieValues, tie_values
 from fenics_contact.scene.scene import Load
 
@@ -56,6 +67,36 @@ class Loads(NamedTuple):
 
 NOWHERE = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
 NO_LOAD = Loads(NOWHERE, NOWHERE, NOWHERE)
+
+
+class Labels(NamedTuple):
+    """Names of the groups and places that a load acts on.
+
+    Attributes:
+        names: Of groups and floors, then of places.
+        place: Where a name stands but for a distance, m, shape (names, 2).
+        away: Direction of that distance, shape (names, 2).
+    """
+
+    names: tuple[str, ...]
+    place: Array
+    away: Array
+
+
+class Roles(NamedTuple):
+    """What a scene calls its parts.
+
+    Attributes:
+        held: Groups that do not move, and what holds them.
+        ties: Names of ties.
+        live: Where the live load acts.
+        dead: Where the dead load acts.
+    """
+
+    held: tuple[tuple[str, str], ...]
+    ties: tuple[str, ...]
+    live: Labels
+    dead: Labels
 
 
 class Caption(NamedTuple):
@@ -102,9 +143,11 @@ class View:
         dead: Dead load.
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
+        roles: Names of what has a role in the scene.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
+        stress: Mean stresses in squares; None where they are not known.
     """
 
     boundary: Boundary
@@ -121,9 +164,11 @@ class View:
     dead: Loads
     ties: TieValues | None
     tie_motion: Array
+    roles: Roles
     scale: float = 1.0
     caption: Caption = COLLAPSE
     marked: Indices | None = None
+    stress: StressRaster | None = None
 
     def scaled(self, factor: float) -> View:
         """The view with displacements so many times as large."""
@@ -167,6 +212,11 @@ def view_of(
     material = np.full(scene.mesh.body_count, len(scene.materials), dtype=np.int64)
     np.minimum.at(material, scene.mesh.body, material_numbers(layout)[scene.mesh.cell_groups])
     scene.comm.Allreduce(MPI.IN_PLACE, material, MPI.MIN)
+    live = _loads(layout, "live", sign)
+    dead = _loads(layout, "dead", 1.0)
+    held = [(name, "foundation") for name in scene.foundations]
+    held += [(name, f"support ({kind})") for name, kind in scene.supports.items()]
+    labels = _labels(layout, "live", live), _labels(layout, "dead", dead)
     return View(
         boundary=boundary,
         joints=joints,
@@ -178,12 +228,32 @@ def view_of(
         block_size=float(np.sqrt(layout.bodies_area() / len(layout.centroid))),
         material=material,
         materials=tuple(scene.materials),
-        live=_loads(layout, "live", sign),
-        dead=_loads(layout, "dead", 1.0),
+        live=live,
+        dead=dead,
         ties=None if values is None else tie_values(layout.joints, values),
         tie_motion=sides[count:],
+        roles=Roles(tuple(held), tuple(scene.ties), *labels),
         scale=scale,
     )
+
+
+def _labels(layout: Layout, kind: str, acting: Loads) -> Labels:
+    """Names of what the "dead" or "live" load acts on, beside where it does."""
+    scene = layout.scene
+    load: Load = getattr(scene, kind)
+    boundary = layout.boundary
+    edges = {n: np.flatnonzero(boundary.in_group(n)) for n in (*load.traction, *load.earth)}
+    if kind == "dead":
+        edges |= {n: strips.facets for n, strips in floor_strips(scene, boundary).items()}
+    named = [
+        (name, boundary.points[mine, :2].mean(axis=(0, 1)), -boundary.normal[mine].mean(axis=0))
+        for name, mine in edges.items()
+    ]
+    forces = acting.forces
+    along = forces.vector / np.linalg.norm(forces.vector, axis=1, keepdims=True)
+    named += zip(load.force, forces.place, along, strict=False)
+    places = np.array([row[1:] for row in named]).reshape(-1, 2, 2)
+    return Labels(tuple(name for name, *_ in named), places[:, 0], places[:, 1])
 
 
 def _loads(layout: Layout, kind: str, sign: float) -> Loads:

@@ -25,6 +25,8 @@ from fenics_contact.scene.units import UNITS, Units
 #: Values that strings of tables can have, by name of their key.
 SUPPORTS = ("fixed", "roller")
 PLANE = ("strain", "stress")
+#: Value of `output.pictures` for more than the collapse.
+ALL = "all"
 FORMATS = ("png", "svg", "pdf")
 
 #: Methods that solve for joint forces within given bounds.
@@ -503,7 +505,9 @@ class OutputOptions(_Checked):
 
     Attributes:
         paraview: ParaView files of fields and joints.
-        pictures: Scene, collapse mode, joint forces, lines of thrust, stresses, capacity curve.
+        pictures: The collapse mode as a picture; "all": scene, joint forces, lines of thrust and
+            stresses too, which are drawn without it if there is a report, or later by
+            `fenics-contact report`. The capacity curve is drawn if there is one.
         formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
         report: report.html, all of the result on one page.
@@ -512,7 +516,7 @@ class OutputOptions(_Checked):
     """
 
     paraview: bool = True
-    pictures: bool = True
+    pictures: bool | str = True
     formats: tuple[str, ...] = ("png",)
     capacity: int = _ruled(_within(0, 1000, "must lie in 0 ... 1000"), 0)
     report: bool = False
@@ -522,6 +526,8 @@ class OutputOptions(_Checked):
         super().__post_init__()
         known = ", ".join(f"{name} ({units})" for name, units in UNITS.items())
         require(self.units in UNITS, f"units = '{self.units}' must be one of {known}")
+        wrong = f"pictures = '{self.pictures}' must be true, false or \"{ALL}\""
+        require(isinstance(self.pictures, bool) or self.pictures == ALL, wrong)
         for name in self.formats:
             _require_choice("formats", name, FORMATS)
         require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")

@@ -157,7 +157,7 @@ def test_floors_are_described_recorded_and_drawn():
     with Discretization(scene) as made:
         text = description(made)
         record = scene_record(made.layout)
-        axes = draw_scene(Figure().subplots(), view_of(made), scene)
+        axes = draw_scene(Figure().subplots(), view_of(made))
         weight = view_of(made).dead[0]
     assert "floor first: 8000 N/m2 on 0.5 m, with its mass" in text
     given = {"force": FLOOR, "y": HEIGHT, "x": (0.0, 0.6), "mass": True}

@@ -168,7 +168,7 @@ def test_loads_are_shown_where_they_act_with_the_names_of_their_groups():
     np.testing.assert_allclose(turned.forces.vector, [[0.0, 2e3]], atol=1e-9)
     np.testing.assert_allclose(given.body.vector, [[0.5 * STONE_WEIGHT, 0.0]], rtol=1e-9)
     np.testing.assert_allclose(given.body.place, [[0.5, 0.25]], atol=1e-9)
-    axes = draw_scene(Figure().subplots(), view, scene)
+    axes = draw_scene(Figure().subplots(), view)
     entries = [text.get_text() for text in axes.get_legend().get_texts()]
     assert entries == ["foundation base", "dead load", "live load"]
     assert {"left", "wheel"} <= {text.get_text() for text in axes.texts}

@@ -60,7 +60,7 @@ def seen(axes: Any) -> list[str]:
 @pytest.mark.parametrize("name", NAMES)
 def test_names_are_drawn_as_they_are(name):
     found = limit_load(named(name))
-    axes = draw_scene(Figure().subplots(), view_of(found.layout), found.scene)
+    axes = draw_scene(Figure().subplots(), view_of(found.layout))
     assert {name, f"joints {name} bed", f"{name} side", f"{name} force"} <= set(seen(axes))
     assert name in seen(found.plot(Figure().subplots()))
     assert notebook_picture(found)

@@ -6,13 +6,17 @@ import base64
 import csv
 import json
 import math
-from collections.abc import Mapping
+import os
+import tempfile
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fenics_contact.errors import InputError
+from fenics_contact.output.figures import FIGURES, draw_figures, read_figures
+from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.html import PICTURES
 from fenics_contact.scene.units import Units
 
@@ -85,6 +89,7 @@ class Content:
         motions: Content of motion.json: outlines and motions of blocks by direction.
         sweep: A sweep beside the result.
         labels: Project and author.
+        missing: Pictures that could not be drawn from what is there, and why; empty if none.
     """
 
     record: Record
@@ -92,6 +97,7 @@ class Content:
     motions: Mapping[str, Any] = field(default_factory=dict)
     sweep: Sweep | None = None
     labels: Labels = field(default_factory=Labels)
+    missing: str = ""
 
     @property
     def units(self) -> Units:
@@ -137,19 +143,54 @@ def read_content(folder: Path, labels: Labels) -> Content:
             f"{path} is not of this version, or is no result; solve the scene again for a report"
         )
     files = record.get("files", ())
-    pictures: dict[str, str] = {}
-    for stem in PICTURES:
-        for suffix in IMAGES:
-            path = folder / f"{stem}{suffix}"
-            if path.name in files and stem not in pictures and path.is_file():
-                pictures[stem] = _address(path)
+    pictures = _pictures(folder, files)
+    missing = ""
+    if FIGURES in files:
+        with tempfile.TemporaryDirectory() as made:
+            missing = _draw_kept(record, folder, Path(made), pictures)
+            drawn = _pictures(Path(made), os.listdir(made))
+        pictures = {stem: (pictures | drawn)[stem] for stem in PICTURES if stem in pictures | drawn}
     motions: Mapping[str, Any] = {}
     if MOTION in files:
         with suppress(OSError, ValueError):  # the page does without
             motions = json.loads((folder / MOTION).read_text(encoding="utf-8"))
     beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
     sweep = read_sweep(folder) or read_sweep(beside)
-    return Content(record, pictures, motions, sweep, labels)
+    return Content(record, pictures, motions, sweep, labels, missing)
+
+
+def _pictures(folder: Path, files: Collection[str]) -> dict[str, str]:
+    """Data URIs of the pictures in a folder, of these files, by stem in the order of the page."""
+    found: dict[str, str] = {}
+    for stem in PICTURES:
+        for suffix in IMAGES:
+            path = folder / f"{stem}{suffix}"
+            if path.name in files and stem not in found and path.is_file():
+                found[stem] = _address(path)
+    return found
+
+
+def _draw_kept(record: Record, folder: Path, made: Path, there: Collection[str]) -> str:
+    """Draw the pictures that the run did not, into `made`, and put them beside the others.
+
+    Returns:
+        Which are missing, and why; empty if none.
+    """
+    try:
+        figures = [one for one in read_figures(folder / FIGURES) if one.name not in there]
+        formats = record["scene"]["output"]["formats"]
+        lost = "; ".join(draw_figures(figures, made, formats))
+    except ValueError as error:
+        ends = list(record["ends"].values())
+        states = [end for end in ends if end["mechanism"]]
+        suffixes = ("", "_negative")[: len(ends)] if states else ()
+        names = ["scene", *(f"{stem}{end}" for end in suffixes for stem in ("forces", "stress"))]
+        names = [name for name in names if name not in there]
+        lost = f"{', '.join(names)}: {error}" if names else ""
+    with suppress(OSError):  # the folder is read-only: the page has them all the same
+        for path in made.iterdir():
+            replace_file(folder / path.name, path.read_bytes())
+    return f"pictures that are missing: {lost}" if lost else ""
 
 
 def _address(path: Path) -> str:

@@ -52,6 +52,8 @@ from fenics_contact.output.report.html import (
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.units import PER_METRE, Units
 
+_log = logging.getLogger("fenics_contact")
+
 #: The page.
 PAGE = "report.html"
 #: Values that are not shown where they are not used: these keys with these values.
@@ -116,7 +118,10 @@ def write_report(
     try:
         sweep = None if (folder / RECORD).exists() else read_sweep(folder)
         if sweep is None:
-            page = report_page(read_content(folder, labels))
+            content = read_content(folder, labels)
+            page = report_page(content)
+            if content.missing:
+                _log.warning("warning: %s", content.missing)
         else:
             title = heading(f"Load factors over {' and '.join(sweep.keys)}", 1)
             made = labels.line(f"Computed with fenics-contact {sweep.version}")
@@ -282,8 +287,10 @@ def forces(content: Content) -> Iterator[str]:
         for stem, address in content.pictures.items()
         if stem not in first and not (many and stem.startswith("forces"))
     }
-    if found:
+    if found or content.missing:
         yield heading("Forces and stresses")
+    if content.missing:
+        yield paragraph(f"{content.missing[0].upper()}{content.missing[1:]}.")
     for stem, address in found.items():
         more = " Forces are per metre of thickness." if stem.startswith("forces") else ""
         direction = "negative" if stem.endswith("_negative") else "positive"
