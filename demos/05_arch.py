@@ -7,7 +7,7 @@ Strutturale 51 (2020) 356-375).
 
 from pathlib import Path
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
+from fenics_contact import BlockMesh, JointLaw, Load, Material, OutputOptions, Scene, limit_load
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch
@@ -26,6 +26,7 @@ def arch_scene(voussoirs: int, thickness: float, elements: int) -> Scene:
         joints={"default": law},
         foundations={"springings": law},
         title=f"Arch of {voussoirs} voussoirs, t/R = {thickness}",
+        output=OutputOptions(pictures="all"),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from dolfinx import mesh
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
+from fenics_contact import BlockMesh, JointLaw, Load, Material, OutputOptions, Scene, limit_load
 from fenics_contact.meshing import running_bond
 
 FOLDER = Path(__file__).parent / "output" / "dolfinx_mesh"
@@ -50,6 +50,7 @@ def load_factor(blocks: BlockMesh, folder: Path | None = None) -> float:
         joints={"default": law},
         foundations={"base": law},
         title="A wall cut out of one mesh",
+        output=OutputOptions(pictures="all"),
     )
     result = limit_load(scene)
     if folder:

@@ -22,6 +22,7 @@ from fenics_contact import (
     JointLaw,
     Load,
     Material,
+    OutputOptions,
     Scene,
     limit_load,
 )
@@ -64,6 +65,7 @@ scene = Scene(
     joints={"default": law},
     foundations={"base": law},
     title="A dam in an earthquake",
+    output=OutputOptions(pictures="all"),
 )
 result = limit_load(scene)
 result.write(FOLDER)

@@ -13,7 +13,16 @@ import ufl
 from dolfinx import mesh
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, equilibrium, limit_load
+from fenics_contact import (
+    BlockMesh,
+    JointLaw,
+    Load,
+    Material,
+    OutputOptions,
+    Scene,
+    equilibrium,
+    limit_load,
+)
 
 FOLDER = Path(__file__).parent / "output" / "stress_law"
 WIDTH, HEIGHT, LAYERS, PRESSURE, PUSH = 0.5, 2.0, 80, 1e6, 1e4  # m, m, 1, Pa, Pa
@@ -70,6 +79,7 @@ def scene(stress=None) -> Scene:
         plane="stress",
         stress=stress,
         title="A pier of thin layers",
+        output=OutputOptions(pictures="all"),
     )
 
 

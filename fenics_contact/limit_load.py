@@ -36,7 +36,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured
-from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
+from fenics_contact.output.plotting import check_axes, draw_capacity, load_matplotlib, new_axes
 from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.bounds import LimitBounds, rounded, signed
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
@@ -444,6 +444,8 @@ def _collapse(
     if not isinstance(case.beside, InPlace):
         case.blocks.begin(case.beside)
     tasks = begun(case)
+    if whole.scene.output.pictures and not isinstance(case.beside, InPlace):
+        case.beside.submit(load_matplotlib)  # last: pictures are drawn there
     try:
         stands = lower is not None or rests(whole)
         if not stands and service_state(case, 0.0).status != "equilibrium":

@@ -21,6 +21,7 @@ from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING, Any
 
 from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.requirements import quick_versions
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -230,13 +231,15 @@ def last_result_of(future: Future[Any], beside: Executor) -> Any:
 
 
 def begin(*modules: str) -> None:
-    """A task: import what the next tasks need."""
+    """Import what the next tasks need."""
     for name in modules:
         import_module(name)
 
 
 def answer(answers: int) -> None:
     """Do tasks that come by standard input, and answer by an open file, in a worker's process."""
+    with quick_versions():
+        begin("fenics_contact.limit_load")
     with (
         os.fdopen(os.dup(0), "rb") as tasks,
         os.fdopen(answers, "wb") as file,

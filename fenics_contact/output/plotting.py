@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -557,6 +558,19 @@ def draw_bar(
 
 
 # ---- files
+
+
+def load_matplotlib() -> None:
+    """Import matplotlib without the texts of its help, which take a third of the time; a task.
+
+    For programs in which nobody can ask for help: these texts stay empty.
+    """
+    from matplotlib import artist
+
+    vars(artist)["kwdoc"] = lambda kind: ""
+    artist.Artist._update_set_signature_and_docstring = classmethod(lambda cls: None)
+    for name in ("figure", "backends.backend_agg"):
+        import_module(f"matplotlib.{name}")
 
 
 def check_axes(axes: Any) -> None:

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons
-from fenics_contact.output import files as output_files
+from fenics_contact.output import figures as output_figures
 from fenics_contact.output.plotting import draw_scene
 from fenics_contact.output.view import view_of
 from fenics_contact.scene import EdgeForce
@@ -110,9 +110,9 @@ def test_a_picture_that_cannot_be_drawn_loses_no_result(
     changes, mesh, part, lost, code, folder, capsys, monkeypatch
 ):
     if MPI.COMM_WORLD.rank == 0:
-        write_scene(folder, changes, mesh)
+        write_scene(folder, {"output.pictures": "all"} | changes, mesh)
     MPI.COMM_WORLD.barrier()
-    monkeypatch.setattr(output_files, part, broken)
+    monkeypatch.setattr(output_figures, part, broken)
     found = run_here(["solve", "scene.toml"], capsys)
     assert (found.code, found.err) == (code, "")
     record = result(folder / "scene")
@@ -125,7 +125,7 @@ def test_a_picture_that_cannot_be_drawn_loses_no_result(
 
 def test_stands_and_sweeps_lose_no_result(folder, capsys, monkeypatch):
     write_scene(folder)
-    monkeypatch.setattr(output_files, "draw_stress", broken)
+    monkeypatch.setattr(output_figures, "draw_stress", broken)
     found = run_here(["stands", "scene.toml", "-o", "state"], capsys)
     assert found.code == 0 and "warning: stress could not be drawn" in found.out
     record = result(folder / "state")

@@ -235,6 +235,23 @@ def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
     assert page.pictures == [] and record["files"] == []
 
 
+@pytest.mark.parametrize("kept", [b"damaged", b"PK", None])
+def test_pictures_that_cannot_be_drawn_any_more_are_named(kept, folder, capsys):
+    write_scene(folder, DRAWN | {"output.paraview": False}, "block")
+    assert run_here(["solve", "scene.toml", "-q"], capsys).code == 0
+    figures = folder / "scene" / "figures.npz"
+    figures.unlink()
+    if kept is not None:
+        figures.write_bytes(kept)
+    found = run_here(["report", "scene"], capsys)
+    reason = "is not there" if kept is None else "is damaged"
+    line = f"pictures that are missing: scene, forces, stress: figures.npz {reason}"
+    assert (found.code, found.err) == (0, "")
+    assert found.out.splitlines()[0] == f"warning: {line}"
+    page = page_of(folder / "scene")
+    assert len(page.pictures) == 1 and line[1:] in page.text
+
+
 def test_report_of_a_folder(folder, capsys):
     solved(folder, capsys, {}, "block")
     text = (folder / "scene" / "report.html").read_text()
