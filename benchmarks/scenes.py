@@ -181,7 +181,7 @@ def comparison() -> dict[str, tuple[Recipe, int]]:
 MIXED = (
     "W? 0.65 4, W? 1 4, 10x10 0.4 4, 10x10 0.75 4, 5x16 0.6 2, 12x12 0.6 2, 14x14 0.75 2,"
     " 20x20 0.4 2, 20x20 0.75 4, 30x8 0.6 2, 6x8 1 2, arch 15 0.15 1, arch 27 0.2 1,"
-    " arch 51 0.12 0.6, facade 0.5 left, gable 0.6 *, rubble 0.4 right, openings ? *,"
+    " arch 51 0.12 0.6, facade 0.5 left, gable 0.6 *, arch wall 0.5 right, openings ? *,"
     " openings 1[0-5] *"
 )
 
