@@ -89,29 +89,85 @@ void on_tangents(const points *of, double part, double s, const double *motion, 
 }
 
 /* Distances of states on the tangents from the states on the laws with equal p and q: the larger of
-   the differences of clearances and of slips, to six digits; infinite where a tangent leads nowhere. */
+   the differences of clearances and of slips, to six digits; infinite where a tangent leads nowhere.
+   Some points at a time, in short loops: a long one has more numbers than the processor holds. */
 WIDE
 void distances(const points *of, double part, double s, const double *motion,
                double *restrict found)
 {
+    enum { SOME = 64 };
     int n = of->count;
     double mu = mu_at(of, s), smallest = of->smallest;
     laws law = laws_of_points(of);
-    const double *friction = law.friction, *strength = law.strength, *carried = law.carried;
     const double *x0 = rows_of(of, START), *c = rows_of(of, CORRECTION), *t = rows_of(of, TANGENT);
     const double *springs = rows_of(of, SPRINGS), *compliance = rows_of(of, COMPLIANCE);
-    for (int i = 0; i < n; i++) {
-        state at = on_tangent(x0 + i, c + i, t + i, springs + i, compliance + i, n, part, s, motion[i],
-                              motion[n + i]);
-        double y, r, q = at.shear - at.w;
-        normal_law(at.r - at.y, mu, &y, &r);
-        double bound = friction[i] * r + strength[i], gamma = carried[i] > 0.0 ? bound : 1.0;
-        double w = copysign(gamma - distance_from_bound(fabs(q), gamma, mu, 4), q) - q;
-        double of_p = fabs(y - at.y) / larger(r + y, smallest);
-        double of_q = fabs(w - at.w) / larger(gamma + fabs(w), smallest);
-        double distance = larger(of_p, carried[i] > 0.0 ? of_q : 0.0);
-        found[i] = distance == distance ? distance : INFINITY;
+    double y[SOME], w[SOME], p[SOME], q[SOME], gamma[SOME], of_p[SOME], left[SOME];
+    for (int first = 0; first < n; first += SOME) {
+        int count = n - first < SOME ? n - first : SOME;
+        const double *friction = law.friction + first, *strength = law.strength + first;
+        const double *carried = law.carried + first;
+        for (int k = 0; k < count; k++) {
+            int i = first + k;
+            state at = on_tangent(x0 + i, c + i, t + i, springs + i, compliance + i, n, part, s,
+                                  motion[i], motion[n + i]);
+            y[k] = at.y;
+            w[k] = at.w;
+            p[k] = at.r - at.y;
+            q[k] = at.shear - at.w;
+        }
+        for (int k = 0; k < count; k++) {
+            double on_law, r;
+            normal_law(p[k], mu, &on_law, &r);
+            gamma[k] = carried[k] > 0.0 ? friction[k] * r + strength[k] : 1.0;
+            of_p[k] = fabs(on_law - y[k]) / larger(r + on_law, smallest);
+        }
+        for (int k = 0; k < count; k++)
+            left[k] = distance_from_bound(fabs(q[k]), gamma[k], mu, 4);
+        for (int k = 0; k < count; k++) {
+            double slip = copysign(gamma[k] - left[k], q[k]) - q[k];
+            double of_q = fabs(slip - w[k]) / larger(gamma[k] + fabs(slip), smallest);
+            double distance = larger(of_p[k], carried[k] > 0.0 ? of_q : 0.0);
+            found[first + k] = distance == distance ? distance : INFINITY;
+        }
     }
+}
+
+/* Openings, or slips, of joint points by displacements x, column by column, times a unit. The entries
+   of point i are those from start[i] to start[i + 1] - 1. Many columns at a time: the points of a
+   joint meet the same displacements again. -1: no memory. */
+typedef double four __attribute__((vector_size(32), aligned(8)));
+
+WIDE
+int motions(int points, const long long *start, const long long *place, const double *entry,
+            int size, int columns, const double *x, double unit, double *restrict found)
+{
+    enum { SOME = 16 };
+    double *by_place = malloc((size_t)size * SOME * sizeof(double));
+    if (!by_place)
+        return -1;
+    for (int first = 0; first < columns; first += SOME) {
+        int count = columns - first < SOME ? columns - first : SOME;
+        for (int k = 0; k < SOME; k++) {
+            const double *column = x + (size_t)(first + (k < count ? k : 0)) * size;
+            for (int i = 0; i < size; i++)
+                by_place[(size_t)i * SOME + k] = column[i];
+        }
+        for (int i = 0; i < points; i++) {
+            four a = {0.0}, b = {0.0}, c = {0.0}, d = {0.0}; /* in registers */
+            for (long long m = start[i]; m < start[i + 1]; m++) {
+                const four *here = (const four *)(by_place + place[m] * SOME);
+                a += entry[m] * here[0];
+                b += entry[m] * here[1];
+                c += entry[m] * here[2];
+                d += entry[m] * here[3];
+            }
+            const four sums[SOME / 4] = {a, b, c, d};
+            for (int k = 0; k < count; k++)
+                found[(size_t)(first + k) * points + i] = unit * sums[k / 4][k % 4];
+        }
+    }
+    free(by_place);
+    return 0;
 }
 
 /* Displacements d by blocks alone, and forces f in excess of those of the springs. */

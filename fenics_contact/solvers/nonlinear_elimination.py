@@ -271,10 +271,10 @@ class NonlinearElimination:
         works = sum(problem.gather(displacements @ problem.live))
         displacements -= np.outer(works / linear.flexibility, linear.live_response)
         unit = linear.kkt.scales.force / linear.kkt.scales.displacement
-        products = [rows.matrix.matMult(solutions) for rows in maps]
-        answers = np.stack([unit * product.getDenseArray().T for product in products])
-        for matrix in (solutions, *products):
-            matrix.destroy()
+        answers = np.empty((2, len(displacements), problem.points))
+        for rows, found in zip(maps, answers, strict=True):
+            rows.times(solutions, unit, found)
+        solutions.destroy()
         return problem.whole(answers)
 
     def _to_path(self) -> _Curve:

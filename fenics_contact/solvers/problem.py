@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self, TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.joint_law import PointLaws
 
 Array = npt.NDArray[np.float64]
@@ -84,6 +86,22 @@ class SparseMap:
         """Diagonal of a square map, this rank's part."""
         self.matrix.getDiagonal(self._left)
         return self._left.array_r.copy()
+
+    def times(self, columns: PETSc.Mat, unit: float, found: Array) -> None:
+        """Unit times A X for a dense matrix X: each column becomes a row of `found`."""
+        if self.comm.size > 1:
+            product = self.matrix.matMult(columns)
+            found[:] = unit * product.getDenseArray().T
+            product.destroy()
+            return
+        x = columns.getDenseArray()
+        call("motions", len(found.T), *self._csr, *x.shape, x.T, unit, found)
+
+    @cached_property
+    def _csr(self) -> tuple[Array, ...]:
+        """Starts of the rows, columns and values, as C takes them."""
+        start, columns, values = self.matrix.getValuesCSR()
+        return start.astype(np.int64), columns.astype(np.int64), values
 
     def close(self) -> None:
         """Free the matrix, on all ranks together."""
