@@ -250,6 +250,12 @@ def description(layout: Layout) -> str:
     joints = layout.joints.without_ties()
     for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
         mine = joints.law == number
+        if not law.acts:
+            what = (
+                "glued: the blocks on both sides are one" if law.glued else "off: carries nothing"
+            )
+            lines.append(f"joint {name}: {what}")
+            continue
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
             f"{kind} {name}: {_law_text(law, units)}, {int(mine.sum())} points,"

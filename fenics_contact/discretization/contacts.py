@@ -36,6 +36,12 @@ APART = 5e-3
 PARALLEL = float(np.cos(np.radians(20.0)))
 
 
+def by_edges(scene: Scene) -> list[str]:
+    """Names of the joints that are groups of edges."""
+    joints = scene.joints.items()
+    return [name for name, law in joints if name != "default" and law.between is None]
+
+
 @dataclass(frozen=True)
 class Gaps:
     """Distances up to which facets face each other by the laws of their joints.
@@ -51,7 +57,7 @@ class Gaps:
     @classmethod
     def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
         """Those of a scene's laws."""
-        named = [name for name in scene.joints if name != "default"]
+        named = by_edges(scene)
         laws = [scene.joints.get(name) for name in [*named, "default"]]
         return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
 
@@ -158,14 +164,14 @@ def find_corners(boundary: Boundary, gaps: Gaps, found: Stretches, source: str) 
     convex = count + np.flatnonzero(vertices.turn > STRAIGHT)
     near = [np.stack(pair) for pair in near_pairs(centre, size, convex, np.arange(count))]
     vertex, facet = np.hstack([np.empty((2, 0), dtype=np.int64), *near]) - [[count], [0]]
-    apart = boundary.body[vertices.facets[vertex, 0]] != boundary.body[facet]
+    apart = boundary.piece[vertices.facets[vertex, 0]] != boundary.piece[facet]
     vertex = vertex[apart]
     facet = facet[apart]
-    count = int(boundary.body.max(initial=0)) + 1
+    count = int(boundary.piece.max(initial=0)) + 1
     across = found.facets[::-1, :, None]
     ends = found.nodes != INSIDE
-    keys = (found.nodes * count + boundary.body[across])[ends & (across != GROUND)]
-    faced = np.isin(vertices.node[vertex] * count + boundary.body[facet], keys)
+    keys = (found.nodes * count + boundary.piece[across])[ends & (across != GROUND)]
+    faced = np.isin(vertices.node[vertex] * count + boundary.piece[facet], keys)
     corners, other = _before_sides(boundary, gaps, vertices, vertex[~faced], facet[~faced])
     meets = other < 0
     free = ~np.isin(np.stack([corners.node, -1 - other]), found.nodes[ends]).any(axis=0)
@@ -239,7 +245,7 @@ def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices,
         InputError: If facets of a joint group have none opposite, have no law or two, almost touch,
             or if both sides of a joint carry a traction.
     """
-    named = [name for name in scene.joints if name != "default"]
+    named = by_edges(scene)
     gaps = Gaps.of(scene, boundary)
     ground_role = boundary.role(scene.foundations)
     found, doubtful = _facing(boundary, gaps)
@@ -285,9 +291,39 @@ def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices,
                     " of a joint, and would carry the traction twice; leave joints out of the group"
                 )
     law = _laws(scene, boundary, found.facets, gaps.role)
+    met = _laws(scene, boundary, _sides_at_corners(scene, corners, gaps.role), gaps.role)
+    for position, (name, joint) in enumerate(scene.joints.items()):
+        if joint.between is not None and position not in (*law, *met):
+            one, other = joint.between
+            raise InputError(f"joints.{name}.between: no blocks of {one!r} and {other!r} touch")
     law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
-    met = _sides_at_corners(scene, corners, gaps.role)
-    return stretches, law, corners, _laws(scene, boundary, met, gaps.role)
+    off = np.array([joint.off for joint in (*scene.joints.values(), *scene.foundations.values())])
+    if np.any(off):
+        stretches = stretches.take(~off[law])
+        corners = corners.take(~off[met])
+        law = law[~off[law]]
+        met = met[~off[met]]
+    return stretches, law, corners, met
+
+
+def glued_blocks(scene: Scene, boundary: Boundary) -> Indices:
+    """Number of the block that every block as drawn is in: those that are glued are one.
+
+    Raises:
+        InputError: If a corner alone is glued; else as `find_contacts` says.
+    """
+    glued = np.array([law.glued for law in (*scene.joints.values(), *scene.foundations.values())])
+    stretches, law, corners, met = find_contacts(scene, boundary)
+    if np.any(glued[met]):
+        x, y = corners.position[glued[met]][0]
+        name = list(scene.joints)[met[glued[met]][0]]
+        raise InputError(
+            f"joints.{name}.glued: at ({x:g}, {y:g}) a corner meets a side; a point cannot be glued"
+        )
+    pairs = boundary.piece[stretches.facets[:, glued[law]]].T
+    label = connected(pairs, int(boundary.piece.max(initial=-1)) + 1)
+    first = np.unique(label, return_index=True)[1]
+    return np.asarray(np.argsort(np.argsort(first))[label])
 
 
 def _sides_at_corners(scene: Scene, corners: Corners, role: Indices) -> Indices:
@@ -325,14 +361,15 @@ def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
     every = np.arange(len(middle))
     near = [np.stack(pair) for pair in near_pairs(middle, reach, every, every)]
     pairs = np.hstack([np.empty((2, 0), dtype=np.int64), *near])
-    pairs = pairs[:, np.subtract(*boundary.body[pairs]) < 0]
+    order = boundary.body * (int(boundary.piece.max(initial=0)) + 1) + boundary.piece
+    pairs = pairs[:, np.subtract(*order[pairs]) < 0]
     pairs = pairs[:, _against(boundary, *pairs) > PARALLEL]
     slave = np.zeros(pairs.shape[1], dtype=np.int64)
     found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
     # The side with more facets in all of two bodies is the slave, else the first; stretches are
     # seen along its normals.
     both = np.hstack([found.facets, pairs])
-    joint = np.unique(boundary.body[both].T, axis=0, return_inverse=True)[1].ravel()
+    joint = np.unique(boundary.piece[both].T, axis=0, return_inverse=True)[1].ravel()
     count = len(found.slave)
     facets = [np.unique([joint[:count], side[:count]], axis=1)[0] for side in both]
     first, second = (np.bincount(of, minlength=len(joint)) for of in facets)
@@ -434,7 +471,7 @@ def _place(boundary: Boundary, facet: int) -> str:
 def _laws(scene: Scene, boundary: Boundary, pairs: Indices, joint_role: Indices) -> Indices:
     """Law of every pair as a position in `scene.joints`, by the group that either side is in."""
     order = list(scene.joints)
-    position = np.array([k for k, name in enumerate(order) if name != "default"] + [-1])
+    position = np.array([*map(order.index, by_edges(scene)), -1])
     sides = position[joint_role[pairs]]
     differ = np.flatnonzero((sides.min(axis=0) >= 0) & (sides[0] != sides[1]))
     if len(differ):
@@ -444,6 +481,18 @@ def _laws(scene: Scene, boundary: Boundary, pairs: Indices, joint_role: Indices)
             " put both sides into one group"
         )
     law = sides.max(axis=0)
+    chosen = np.full(len(law), -1)
+    for name, joint in scene.joints.items():
+        if joint.between is None:
+            continue
+        one, other = (boundary.of_block(where)[pairs] for where in joint.between)
+        mine = (one[0] & other[1]) | (one[1] & other[0])
+        if np.any(twice := mine & (chosen >= 0)):
+            place = _place(boundary, pairs[0, np.flatnonzero(twice)[0]])
+            before = order[chosen[twice][0]]
+            raise InputError(f"joints.{name}.between and joints.{before}.between share {place}")
+        chosen[mine] = order.index(name)
+    law = np.where(chosen < 0, law, chosen)
     if "default" in order:
         return np.where(law < 0, order.index("default"), law)
     if np.any(law < 0):

@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.discretization.contacts import glued_blocks
 from fenics_contact.discretization.elasticity import (
     Elasticity,
     assemble,
@@ -45,6 +46,9 @@ from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
+
+#: Springs between nodes that are glued, in the same unit.
+GLUE = 1e3
 
 #: Springs to ground at all nodes of bonded blocks that corners hold, in the same unit.
 SOFT_GROUND = 1e-6
@@ -99,8 +103,16 @@ class Discretization(Layout, Closing):
         self.scene = scene
         self.space = space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
+        glued = any(law.glued for law in scene.joints.values())
+        if glued:
+            label = glued_blocks(scene, self.boundary)
+            self.scene = scene = replace(scene, mesh=scene.mesh.with_glued(label))
+            body = label[self.boundary.piece].astype(self.boundary.body.dtype)
+            self.boundary = replace(self.boundary, body=body)
         self._find_joints(scene)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
+        if glued:
+            self._glue()
         self.node_body = made.node_body
         self.arm = made.arm
         self.law = made.law
@@ -188,7 +200,9 @@ class Discretization(Layout, Closing):
 
         def compared(name: str, value: Any) -> Any:
             if name in LAWS:  # gaps decide which facets face each other
-                return [(key, law.gap) for key, law in value.items()]
+                return [
+                    (key, law.gap, law.glued, law.off, law.between) for key, law in value.items()
+                ]
             if name == "ties":
                 return [(key, tie.from_, tie.to, tie.ground) for key, tie in value.items()]
             return value
@@ -272,6 +286,18 @@ class Discretization(Layout, Closing):
         ties = find_ties(scene, self.boundary, self.space)
         self.joints = find_joints(scene, self.boundary, ties)
         self.warnings = warnings_on(scene, self.boundary, self.joints)
+
+    def _glue(self) -> None:
+        """Add stiff springs between the nodes of blocks that are glued to K."""
+        inside = find_joints(self.scene, self.boundary, inside=True)
+        stiffness = self.elasticity.stiffness
+        rows = joint_operators(inside, self.supports, stiffness)
+        spring = GLUE * stiffness.getDiagonal().sum() / stiffness.getSize()[0]
+        with Owner() as owner:
+            for matrix in (rows.normal, rows.tangential):
+                added = owner.own(owner.own(matrix).transposeMatMult(matrix))
+                pattern = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+                stiffness.axpy(spring, added, structure=pattern)
 
     def _take_loads_and_laws(self) -> None:
         """Take loads and laws into the problem, with initial gaps, strengths, supports that move.

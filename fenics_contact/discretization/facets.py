@@ -38,6 +38,9 @@ class Boundary:
         normal: Outward unit normals, shape (facets, 2).
         length: m, shape (facets,).
         body: Body of every facet.
+        piece: Body of every facet as drawn: glued ones have one body.
+        cell_groups: Groups of its cell as an index into `cell_sets`.
+        cell_sets: The sets of names of two-dimensional groups that occur.
         groups: Physical groups as an index into `facet_sets`, -1 for none.
         facet_sets: The sets of group names that occur.
         local: Rows of this rank's facets.
@@ -50,6 +53,9 @@ class Boundary:
     normal: Array
     length: Array
     body: Labels
+    piece: Labels
+    cell_groups: Labels
+    cell_sets: tuple[frozenset[str], ...]
     groups: Labels
     facet_sets: tuple[frozenset[str], ...]
     local: Indices
@@ -80,6 +86,19 @@ class Boundary:
         along = second - first
         s = np.clip(np.sum((place - first) * along, axis=1) / self.length**2, 0.0, 1.0)
         return np.asarray(first + s[:, None] * along)
+
+    def of_block(self, where: tuple[float, float] | str) -> Flags:
+        """Facets of cells in a two-dimensional group, or of the block as drawn at a place."""
+        if isinstance(where, str):
+            return np.array([where in groups for groups in self.cell_sets])[self.cell_groups]
+        # A block is around a place where a ray from there meets an odd number of its facets.
+        x, y = where
+        (left, low), (right, high) = (self.points[:, end].T for end in (0, 1))
+        between = (low > y) != (high > y)
+        slope = np.divide(right - left, high - low, out=np.zeros(len(low)), where=between)
+        crossed = between & (left + slope * (y - low) > x)
+        inside = np.bincount(self.piece[crossed], minlength=int(self.piece.max()) + 1) % 2 == 1
+        return inside[self.piece]
 
     def role(self, names: Iterable[str]) -> Indices:
         """Position in `names` of the group each facet is in, -1 where none, shape (facets,).
@@ -173,6 +192,8 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
         "normal": normal,
         "length": length,
         "body": mesh.body[cell],
+        "piece": mesh.pieces[cell],
+        "cell_groups": mesh.cell_groups[cell],
     }
     parts = mesh.comm.allgather(mine)
     table = {name: np.concatenate([part[name] for part in parts]) for name in mine}
@@ -192,6 +213,7 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     return Boundary(
         **{name: values[order] for name, values in table.items()},
         groups=groups,
+        cell_sets=mesh.cell_sets,
         facet_sets=mesh.facet_sets,
         local=np.argsort(order)[start : start + len(local_facets)],
         local_facets=local_facets,

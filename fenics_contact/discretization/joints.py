@@ -210,13 +210,25 @@ class JointOperators:
     tangential_rows: Array
 
 
-def find_joints(scene: Scene, boundary: Boundary, ties: Ties | None = None) -> Joints:
+def find_joints(
+    scene: Scene, boundary: Boundary, ties: Ties | None = None, inside: bool = False
+) -> Joints:
     """Points of all joints and foundations, corners that meet sides among them, and bars of ties.
+
+    Or those `inside` blocks that are glued.
 
     Raises:
         InputError: As `find_contacts` says.
     """
     stretches, law_of_stretch, corners, law_of_corner = find_contacts(scene, boundary)
+    if scene.mesh.drawn is not None:
+        mine = np.equal(*stretches.bodies(boundary).T) == inside
+        stretches = stretches.take(mine)
+        law_of_stretch = law_of_stretch[mine]
+        mine = np.subtract(*boundary.body[corners.facets[:, 1:]].T) != 0
+        mine &= not inside
+        corners = corners.take(mine)
+        law_of_corner = law_of_corner[mine]
     laws = (*scene.joints.values(), *scene.foundations.values())
     names = (*scene.joints, *scene.foundations)
     gapped = np.array([law.gap > 0.0 for law in laws], dtype=bool)

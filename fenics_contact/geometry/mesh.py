@@ -141,6 +141,7 @@ class BlockMesh(TaggedMesh):
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
         joined: Number of surfaces that are in one body with others of the same groups; 0 where
             surfaces are blocks.
+        drawn: Body of every local cell as drawn, where some are glued to one; else None.
     """
 
     stored: StoredMesh
@@ -148,6 +149,18 @@ class BlockMesh(TaggedMesh):
     body_count: int
     cell_groups: Labels
     joined: int
+    drawn: Labels | None = None
+
+    @property
+    def pieces(self) -> Labels:
+        """Body of every local cell, whatever is glued."""
+        return self.body if self.drawn is None else self.drawn
+
+    def with_glued(self, label: Indices) -> BlockMesh:
+        """The mesh in which bodies as drawn with one label are one body."""
+        count = int(label.max(initial=-1)) + 1
+        body = label[self.pieces].astype(self.body.dtype)
+        return replace(self, body=body, body_count=count, drawn=self.pieces)
 
     def __repr__(self) -> str:
         return f"<BlockMesh: {self.body_count} blocks, from {self.source}>"

@@ -164,6 +164,7 @@ def _remade(
     first = sum(mesh.comm.allgather(len(cells))[: mesh.comm.rank])
     parent = parent[np.asarray(domain.topology.original_cell_index) - first]
     labels = {"body": mesh.body[parent], "cell_groups": mesh.cell_groups[parent]}
+    labels |= {} if mesh.drawn is None else {"drawn": mesh.drawn[parent]}
     return replace(mesh, stored=stored, **labels), parent
 
 

@@ -195,6 +195,11 @@ class JointLaw(_Checked):
         tensile_strength: Tension that the joint carries, Pa.
         opened: Whether cohesion and tensile strength are "kept" or "lost" where the joint opens in
             a collapse.
+        glued: The joint neither opens nor slides: the blocks that it joins are one. What else is
+            given means nothing.
+        off: The joint carries nothing: the blocks do not touch there.
+        between: The joint is that of all contacts between blocks of two two-dimensional groups, or
+            between the blocks at two places, m, whatever groups of edges they are in.
     """
 
     law: str = _one_of("coulomb", "tresca", "frictionless")
@@ -206,13 +211,23 @@ class JointLaw(_Checked):
     dilatancy: float = _ruled(_rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
     tensile_strength: float = _ruled(_NOT_NEGATIVE, 0.0)
     opened: str = _one_of("kept", "lost")
+    glued: bool = False
+    off: bool = False
+    between: tuple[tuple[float, float] | str, ...] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require(not (self.glued and self.off), "a joint is either glued or off")
+        require(not (self.glued and self.gap), "a glued joint takes no gap; close it in the mesh")
+        if self.between is not None:
+            two = "must be two names of groups of blocks, or places [x, y] in blocks"
+            require(len(self.between) == 2, f"between = {list(self.between)} {two}")
+            require(self.gap == 0.0, "a joint with between takes no gap; give it by its edges")
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             given = getattr(self, name) is not None
             require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
-            require(given or self.law != owner, f"law '{owner}' needs {name}")
+            needed = self.law == owner and self.acts
+            require(given or not needed, f"law '{owner}' needs {name}")
         for name in ("cohesion", "dilatancy"):
             coulomb = self.law == "coulomb" or getattr(self, name) == 0.0
             require(coulomb, f"law '{self.law}' takes no {name}")
@@ -231,6 +246,11 @@ class JointLaw(_Checked):
         require(self.cohesion >= least * (1.0 - SAME_ANGLE), text)
         open_at_first = self.gap > 0.0 and self.tensile_strength > 0.0
         require(not open_at_first, "a joint with a gap takes no tensile_strength")
+
+    @property
+    def acts(self) -> bool:
+        """Whether it is a contact: neither glued nor off."""
+        return not (self.glued or self.off)
 
     @property
     def loses(self) -> bool:
@@ -615,6 +635,12 @@ class Scene(_Shared):
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
             require(law.gap == 0.0, f"foundations.{name} {needless}")
+            held = f"foundations.{name}.glued: make the group a support, 'fixed'"
+            require(not law.glued, held)
+            free = (
+                f"foundations.{name} takes neither off nor between; leave it out where it is free"
+            )
+            require(not law.off and law.between is None, free)
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
         require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
@@ -710,9 +736,16 @@ class Scene(_Shared):
         source = self.mesh.source
         cells = self.mesh.cell_names
         facets = self.mesh.facet_names
+        between = {name for name, law in self.joints.items() if law.between is not None}
+        require("default" not in between, "joints.default takes no between; give it another name")
+        for name in sorted(between):
+            for block in self.joints[name].between or ():
+                text = f"joints.{name}.between: {source} has no two-dimensional group '{block}'"
+                there = not isinstance(block, str) or block in cells
+                require(there, f"{text}; it has {_listed(cells)}; or give a place in a block")
         for table, names, known, number in (
             ("materials", set(self.materials) - {"default"}, cells, "two"),
-            ("joints", set(self.joints) - {"default"}, facets, "one"),
+            ("joints", set(self.joints) - {"default"} - between, facets, "one"),
             ("foundations", self.foundations, facets, "one"),
             ("supports", self.supports, facets, "one"),
             ("loads.dead.traction", self.dead.traction, facets, "one"),
@@ -748,8 +781,8 @@ class Scene(_Shared):
             require(len({self.materials[name] for name in materials}) <= 1, text)
 
     def _laws(self) -> dict[str, JointLaw]:
-        """Laws by their keys in a scene file."""
-        laws = {f"joints.{name}": law for name, law in self.joints.items()}
+        """Laws of contacts by their keys in a scene file."""
+        laws = {f"joints.{name}": law for name, law in self.joints.items() if law.acts}
         return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
     @property

@@ -248,6 +248,8 @@ def _tie(one: Record, units: Units) -> str:
 
 def _law(one: Record, units: Units) -> str:
     """Friction and strengths of joints."""
+    if one.get("glued") or one.get("off"):
+        return "glued: the blocks on both sides are one" if one["glued"] else "off: carries nothing"
     law = one["law"]
     parts = ["no friction"] if law == "frictionless" else []
     if law == "coulomb":
