@@ -639,7 +639,8 @@ def test_capacity_curve_of_load_control_is_its_path(tmp_path):
 def test_capacity_curve_as_a_time_series(tmp_path):
     rough = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
     write_scene(tmp_path, rough | {"output.capacity": 3, "output.pictures": False}, "tower")
-    assert run(["solve", "scene.toml", "-o", "out"], tmp_path, 2).code == 0
+    by_mesh = ["--set", "solve.distribute=true"]
+    assert run(["solve", "scene.toml", "-o", "out", *by_mesh], tmp_path, 2).code == 0
     output = tmp_path / "out"
     with (output / "capacity.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
