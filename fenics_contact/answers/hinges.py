@@ -56,6 +56,11 @@ SETTLING = replace(SEARCH, no_progress=SEARCH.hinge_corrections, points=SEARCH.h
 FINISHING = replace(SEARCH, interior_window=SEARCH.resting_steps)
 #: at a state that is so exact.
 EXACT = Tolerances(SEARCH.rounding, SEARCH.agrees)
+#: A path from afar takes 1.2 to 2.3 times what that to the collapse took on block modes, measured:
+#: it is begun where so much is left,
+LEAST_AFAR = 1.2
+#: and then ended late, in units of what is left.
+MOST_AFAR = 1.3
 
 
 @dataclass(frozen=True)
@@ -229,9 +234,7 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
     options = whole.scene.solve
     share = SEARCH.hinge_asked if options.error else SEARCH.hinge_share
     largest = math.inf if options.accuracy is not None else share * (1.0 + cost)
-    with whole.effort.at_most(largest):
-        states, dear = _followed(case, end, start)
-        dear |= whole.effort.left < 1.0
+    states, dear = _followed(case, end, start, largest)
     if len(states) > 1:
         # Constants a and c through the last two; one with the mesh may be another state.
         point = states[-1].state.load_factor
@@ -260,13 +263,18 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
     return HingeLengths("not_known", load_factor, length, reason=reason)
 
 
-def _followed(case: LoadCase, end: Collapse, start: _Known) -> tuple[list[_Known], bool]:
-    """The collapse, and states with more and more halvings; whether the effort ended them."""
+def _followed(
+    case: LoadCase, end: Collapse, start: _Known, largest: float
+) -> tuple[list[_Known], bool]:
+    """The collapse, and states with more and more halvings; whether the effort ended them.
+
+    The effort is `largest`; a path from afar that is begun within it may take a little more.
+    """
     effort = case.discretization.effort
+    allowed = effort.spent + largest
     few = SEARCH.few_halvings
     many = SEARCH.few_halvings * SEARCH.work_growth
-    # A path from afar takes what that to the collapse took on block modes: it is not begun else.
-    again = 0.0
+    again = 0.0  # what the path to the collapse took on block modes
     for trial in end.attempts[-1:]:
         share = case.discretization.mode_tally.cost
         again = share / (1.0 - share) * (trial.factorizations - trial.cost)
@@ -275,9 +283,13 @@ def _followed(case: LoadCase, end: Collapse, start: _Known) -> tuple[list[_Known
         last = states[-1]
         if halvings == last.halvings or (halvings == many and last is start):
             continue
+        left = allowed - effort.spent
+        from_afar = attempt is _from_afar
         try:
-            effort.require(again if attempt is _from_afar else 0.0)
-            new = _with(case, end, last, halvings, attempt)
+            with effort.at_most(left):
+                effort.require(LEAST_AFAR * again if from_afar else 0.0)
+            with effort.at_most(MOST_AFAR * left if from_afar else left):
+                new = _with(case, end, last, halvings, attempt)
         except SolverError as error:
             _log.info("  %g halvings: %s", halvings, error)
             if isinstance(error, EffortError):
@@ -288,7 +300,7 @@ def _followed(case: LoadCase, end: Collapse, start: _Known) -> tuple[list[_Known
         change = abs(new.state.load_factor - end.load_factor)
         if change <= SEARCH.agrees * end.size and len(new.points) == len(last.points):
             break
-    return states, False
+    return states, allowed - effort.spent < 1.0
 
 
 def _with(

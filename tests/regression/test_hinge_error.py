@@ -147,6 +147,12 @@ def test_open_points_with_a_strength_carry_shear():
     assert coarse.hinges.points == coarse.load_factor  # there are none
 
 
+def test_a_path_from_afar_that_is_begun_comes_to_its_end():
+    """It takes a little more than is allowed, which would be lost just before its end."""
+    result = limit_load(wall_recipe("W3", coulomb(1.0)).scene(2, fast=False))
+    assert result.hinges.points == pytest.approx(W3, abs=1e-4)
+
+
 def test_what_costs_too_much_is_not_known_and_says_what_to_do():
     scene = wall_recipe("5x16", coulomb(0.6)).scene(4, fast=False, lowest=False)
     plain = replace(scene, solve=replace(scene.solve, error=False))
