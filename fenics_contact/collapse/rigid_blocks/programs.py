@@ -250,12 +250,16 @@ class RigidBlocks:
             unlimited = wedging_forces(model) is not None
             return np.inf if unlimited else associative_end(model.units)
         # On large walls the face engine is twenty times as fast as HiGHS; its mode proves an upper
-        # end. Without friction the value is a lower end, too.
-        if model.is_large and np.any(model.friction):
+        # end. Without friction the value is a lower end, too: it is 0 where nothing more is carried
+        # than what stands.
+        if model.is_large:
             with suppress(SolverError):
                 end = associative_end(model.units)
-                if end is not None:
+                if end is not None and np.any(model.friction):
                     return end
+                small = SEARCH.verified * model.units.size(0.0)
+                if end is not None and end <= small and self._fall is None:
+                    return 0.0
         return largest_load(model, self._answer)[0]
 
     @cached_property
