@@ -6,6 +6,10 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
             libopenblas0-serial
 # For the report as PDF, and to test its slider in a browser; without them these tests are skipped.
 BROWSER := weasyprint chromium chromium-driver python3-selenium
+# Of the site: MathJax, and what of it draws formulas as SVG.
+MATHJAX := /usr/share/javascript/mathjax
+DRAWS := MathJax.js config/TeX-AMS_SVG.js extensions jax/element jax/input/TeX \
+         jax/output/SVG/jax.js jax/output/SVG/config.js jax/output/SVG/autoload jax/output/SVG/fonts/TeX
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 # The second solver of the tests, with numpy, scipy and cffi of the distribution; no Debian package.
@@ -35,7 +39,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages debootstrap browser debian13 demo gallery docs test test-browser test-debian13 test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap browser mathjax debian13 demo gallery docs test test-browser test-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -44,7 +48,8 @@ setup: packages .venv/installed  ## install what is missing: Debian packages, vi
 packages: NEEDED := $(PACKAGES)
 debootstrap: NEEDED := debootstrap
 browser: NEEDED := $(BROWSER)
-packages debootstrap browser:
+mathjax: NEEDED := libjs-mathjax
+packages debootstrap browser mathjax:
 	@missing=""; for p in $(NEEDED); do \
 	  dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q "ok installed" || missing="$$missing $$p"; \
 	done; \
@@ -73,11 +78,12 @@ gallery: setup  ## run all demos; small copies of their pictures for docs/galler
 	for demo in demos/[0-9]*.py; do $(PYTHON) $$demo || exit 1; done
 	$(PYTHON) docs/gallery_pictures.py
 
-docs: setup .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in build/site; fails at links that lead nowhere
+docs: setup mathjax .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in build/site; fails at links that lead nowhere
 	rm -rf build/pages && mkdir -p build/pages
 	ln -s $(addprefix $(CURDIR)/,$(PAGES)) build/pages/
 	.venv/bin/mkdocs build --strict
-	@echo "open build/site/index.html"
+	mkdir build/site/mathjax && cd $(MATHJAX) && cp -RL --parents $(DRAWS) $(CURDIR)/build/site/mathjax/
+	@echo "open build/site/index.html; its search needs a server: python3 -m http.server -d build/site"
 
 test: setup  ## run the tests that take less than a few seconds each
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"

@@ -1,8 +1,9 @@
 """What the documentation says is so: its programs, commands and scenes run, its keys are there.
 
 `make docs` checks links. In the pages, blocks of code are of these kinds: `sh`, `python` and `toml`
-are run, `text` and a comment `load factor = ...` are what is printed, `py` is a sketch. "Save this
-as `NAME`" before a block makes a file of it; other scenes are parts of one, and are checked.
+are run, `text` and a comment `load factor = ...` are what is printed, `py` is a sketch, `math` a
+formula. "Save this as `NAME`" before a block makes a file of it; other scenes are parts of one, and
+are checked.
 """
 
 from __future__ import annotations
@@ -153,7 +154,7 @@ def test_pages_run_as_they_are_written(page, shell, capsys):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_other_blocks_hold_no_commands(page):
-    assert {block.kind for block in blocks(page)} <= {*RUN, "text", "py", ""}
+    assert {block.kind for block in blocks(page)} <= {*RUN, "text", "py", "math", ""}
     rest = [line for b in blocks(page) if b.kind in ("", "text") for line in b.text.splitlines()]
     assert [line for line in rest if re.match(r"(fenics-contact|python3|mpirun|make) ", line)] == []
 
