@@ -1,7 +1,7 @@
 # Everything runs in a virtual environment that sees the distribution's packages.
 PYTHON := .venv/bin/python
 PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3-scipy \
-            python3-matplotlib python3-tqdm python3-pytest python3-pytest-xdist python3-hypothesis \
+            python3-matplotlib python3-pytest python3-pytest-xdist python3-hypothesis \
             python3-ezdxf python3-shapely python3-mypy python3-venv python3-pip python3-dev gcc openmpi-bin \
             libopenblas0-serial
 # For the report as PDF, and to test its slider in a browser; without them these tests are skipped.

@@ -115,7 +115,7 @@ def row(scene: Scene) -> Row:
         signal.setitimer(signal.ITIMER_PROF, 0)
     words = "\n".join(
         re.sub(r"\d+\.\d+(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
-        for line in summary(result).split("\n")
+        for line in summary(result, verbose=True).split("\n")
         if "factorisations" not in line and "verified" not in line
     )
     count = result.factorizations + result.mode_factorizations

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import re
+import shutil
 import sys
 import time
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import floor_strips
-from fenics_contact.results.bounds import WITHOUT_PATH, counted
+from fenics_contact.results.bounds import WITHOUT_PATH, LimitBounds, counted
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.result import Answer, Collapse, Result, skipped
+from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Result, skipped
 from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.scene import JointLaw, Tie
 from fenics_contact.scene.units import Units
 
+#: Back to the start of a line of a terminal, and what is on it is gone.
+OVER = "\r\033[K"
+
 
 class Progress:
-    """The load factor along the path, and digits gained by the fixed point, in lines.
+    """How a solve goes on, in lines: for `-v`.
 
     Attributes:
         pause: Least time between two lines of a path, s.
@@ -42,8 +50,7 @@ class Progress:
         mpirun ends a run whose output nobody reads once some ten pieces of it were lost.
         """
         if time.monotonic() - self._flushed >= self.long:
-            sys.stdout.write(f"{name}\n")
-            self._flush()
+            self._write(f"{name}\n")
 
     def passed(self, direction: str, point: TracePoint, upper: float | None) -> None:
         """Show a point of the path against the end of the bracket."""
@@ -56,30 +63,33 @@ class Progress:
         size = abs(point.displacement)
         moved = f"{1e3 * point.displacement:.3g} mm" if size < 1.0 else "above 1 km"
         moved = f"{point.displacement:.3g} m" if 1.0 <= size < 1e3 else moved
-        text = f"{point.phase}  load factor {point.load_factor:.6g}{bound}  displacement {moved}"
-        self._show(direction, min(max(share, 0.0), 1.0), text)
+        text = f"load factor {point.load_factor:.6g}{bound}  displacement {moved}"
+        self._show(direction, min(max(share, 0.0), 1.0), text, f"{point.phase}  {text}")
 
     def step(self, direction: str, step: Step) -> None:
         """Show one fixed-point iteration."""
         self._count = self._count + 1 if direction == self._name else 1
         gained = min(max(-math.log10(max(step.bound_change, 1e-300)), 0.0), self._digits)
         sign = -1.0 if direction == "negative" else 1.0
-        text = (
-            f"iteration {self._count:3d}  load factor {sign * step.load_factor:.8g}"
+        text = f"load factor {sign * step.load_factor:.8g}"
+        more = (
+            f"iteration {self._count:3d}  {text}"
             f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
         )
-        self._show(direction, gained / self._digits, text)
+        self._show(direction, gained / self._digits, text, more)
 
     def point(self, done: int, total: int, point: CapacityPoint) -> None:
         """Show one point of the capacity curve."""
-        self._show("capacity", done / total, f"{done} of {total}  {point.load_factor:.6g}")
+        text = f"{done} of {total}  {point.load_factor:.6g}"
+        self._show("capacity", done / total, text, text)
 
-    def _show(self, name: str, share: float, text: str) -> None:
+    def _show(self, name: str, share: float, text: str, more: str) -> None:
+        """Show how far the solve is: a share of a part with a name, in few words and in all."""
         self._name = name
-        sys.stdout.write(f"{name}: {text}\n")
-        self._flush()
+        self._write(f"{name}: {more}\n")
 
-    def _flush(self) -> None:
+    def _write(self, text: str) -> None:
+        sys.stdout.write(text)
         self._flushed = time.monotonic()
         sys.stdout.flush()
 
@@ -87,41 +97,47 @@ class Progress:
         """Leave the console clean."""
 
     def of_worker(self) -> Progress | None:
-        """Lines by another process stand between these; nobody draws into a bar."""
+        """Lines by another process stand between these; nobody draws into the line below."""
         return self if type(self) is Progress else None
 
 
-class ProgressBar(Progress):
-    """A bar that fills as the load factor nears the upper end of its bracket.
+class ProgressLine(Progress):
+    """One line on a terminal, written over itself, and gone at the end.
 
-    Then it fills as the change of the friction bound falls from 1 to the tolerance.
+    Its share grows as the load factor nears the upper end of its bracket, then as the change of the
+    friction bound falls from 1 to the tolerance.
     """
 
     pause = 0.1
-    _bar: Any = None
+    _shares: ClassVar[Mapping[str, str]] = {"positive": "", "negative": "live load reversed  "}
+    _share = 0.0
+
+    def __init__(self, tolerance: float) -> None:
+        """Make room for messages, too."""
+        super().__init__(tolerance)
+        logging.getLogger("fenics_contact").addFilter(self._make_room)
+
+    def _make_room(self, record: logging.LogRecord) -> bool:
+        self._write(OVER)
+        return True
 
     def phase(self, name: str) -> None:
-        """Show what begins beside the bar, if there is one."""
-        if self._bar is not None:
-            self._bar.set_postfix_str(name)
+        """Show what begins."""
+        self._over(name)
 
-    def _show(self, name: str, share: float, text: str) -> None:
-        if name != self._name:
-            self.close()
-            self._name = name
-        if self._bar is None:
-            from tqdm import tqdm
+    def _show(self, name: str, share: float, text: str, more: str) -> None:
+        self._share = max(share, self._share) if name == self._name else share
+        self._name = name
+        self._over(f"{self._share:4.0%}  {self._shares.get(name, f'{name} ')}{text}")
 
-            form = "{desc}: {percentage:3.0f}%|{bar:20}| {postfix}"
-            self._bar = tqdm(total=1.0, desc=name, bar_format=form, file=sys.stdout)
-        self._bar.n = max(self._bar.n, round(share, 2))
-        self._bar.set_postfix_str(text)
+    def _over(self, text: str) -> None:
+        """Write over what is there; a line that is too long would leave its first part."""
+        self._write(f"{OVER}{text[: shutil.get_terminal_size().columns - 1]}")
 
     def close(self) -> None:
         """Leave the terminal clean."""
-        if self._bar is not None:
-            self._bar.close()
-            self._bar = None
+        logging.getLogger("fenics_contact").removeFilter(self._make_room)
+        self._write(OVER)
 
 
 class SweepProgress:
@@ -145,31 +161,109 @@ class SweepProgress:
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
-            factors = " and ".join(f"{factor:.8g}" for factor in both if not math.isnan(factor))
-            found = f"load factor {factors}" if point.solved else point.reason
-            text = (
-                f"{done:{len(str(total))}d} of {total}  {values}: {point.status}, {found}"
-                f"   ({left:.0f} s left)"
-            )
+            factors = " and ".join(f"{factor:.6g}" for factor in both if not math.isnan(factor))
+            found = f"it collapses at load factor {factors}" if point.solved else point.reason
+            found = "nothing limits the live load" if point.status == "unbounded" else found
+            text = f"{done:{len(str(total))}d} of {total}  {values}: {found}   ({left:.0f} s left)"
         if text:
             sys.stdout.write(text + "\n")
             sys.stdout.flush()
 
 
-def summary(result: Result) -> str:
-    """Load factor, bracket and verification of a result, in a few lines."""
+#: Parts of a reason that say what was tried: they are for `-v`.
+TRIED = re.compile(" search |no state|the path |allowed")
+
+
+def summary(result: Result, verbose: bool = False) -> str:
+    """What was found, in some five lines; with all that is known of it, if that is wished."""
+    lines = _answer(result, result.wording)
+    if verbose:
+        lines += ["", *_details(result, result.wording)]
+    return "\n".join(lines)
+
+
+def _answer(result: Result, words: Wording) -> list[str]:
+    """The lines for everybody."""
     if result.status == "unstable":
-        return f"unstable: {result.reason()}"
+        return [f"it does not stand under its dead load: {result.reason().partition(': ')[2]}"]
+    limits = result.limits
+    amounts: dict[str, list[str]] = {}
+    for name, end in limits.items():
+        head = f"{end.searched}:" if end.searched else "it collapses at"
+        drawn = " as drawn, but blocks roll" if end.rolling else ""
+        form = f"{head} {{}} (verified{drawn})"
+        amounts.setdefault(form, []).append(words.amount(end.load_factor, name))
+    found = [form.format(", ".join(known)) for form, known in amounts.items()]
+    for name, end in result.ends.items():
+        if end.status != "limit":
+            found.append(_without_limit(end, result.reason(end), words, name))
+    told: list[tuple[str, Line]] = []
+    for name, end in limits.items():
+        answers = [line for answer in end.told for line in answer.lines(end, words)]
+        mine = [line for line in answers if not line.verbose]
+        mine += _bracket(end, words, alone=not any(line.states for line in mine))
+        ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
+        told += [(name, line) for line in (*mine, *ties)]
+    if states := [(name, line) for name, line in told if line.states]:
+        found.append("; ".join(words.merged(states)))
+    found += words.merged([(name, line) for name, line in told if not line.states])
+    if (curve := result.curve_end) and (curve.not_found or not curve.on_plateau):
+        found.append(str(curve))
+    found += _accuracy(result)[-1:]
+    found += [
+        f"warning: {text}"
+        for end in limits.values()
+        for text in (end.pressed, end.contradiction)
+        if text
+    ]
+    return found
+
+
+def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -> str:
+    """What is known where no limit load was found, in a sentence."""
+    way = f" {words.way(direction)}".rstrip()
+    if end.status == "unbounded":
+        first, _, blocks = reason.partition(": ")
+        return f"{first}{way}: {blocks}"
+    clauses = [part for part in reason.split("; ") if part != NOT_KNOWN and not TRIED.search(part)]
+    because = "; ".join(part for part in clauses if not part.startswith("try "))
+    because += ": " if because else ""
+    if end.status == "no_equilibrium":
+        text = "no equilibrium was found under its dead load, which is no proof that there is none"
+        return f"{because}{text}"
+    parts = [f"{because}no collapse was found{way}"]
+    known = end.bounds.lower, end.bounds.upper
+    if not end.changes_blocks and any(one is not None and math.isfinite(one) for one in known):
+        ends = [
+            None if one is None or math.isinf(one) else words.number(one, end.sign)
+            for one in known[:: 1 if end.sign > 0.0 else -1]
+        ]
+        ends = [None if end.bounds.meet else ends[0], ends[1]]
+        parts.append(f"it is {LimitBounds(*ends).told('{:.3g}'.format)} {words.unit}")
+    return "; ".join([*parts, *(part for part in clauses if part.startswith("try "))])
+
+
+def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
+    """What the bracket says of a limit load; with its lower end, where no state is told of."""
+    bounds = end.bounds
+    if end.changes_blocks or end.rolling or not end.in_bracket:
+        return
+    if bounds.meet:
+        yield Line("no other collapse state exists", states=True)
+        return
+    lower, upper = [bounds.lower, bounds.upper][:: 1 if end.sign > 0.0 else -1]
+    if alone and lower:
+        least = words.beside(lower, end.load_factor, end.sign, -1)
+        yield Line("no collapse state is below", least, states=True)
+    if upper is not None and math.isfinite(upper):
+        most = words.beside(upper, end.load_factor, end.sign, 1)
+        yield Line("nothing carries more than", most, states=True)
+
+
+def _accuracy(result: Result) -> list[str]:
+    """What was found on the way to the accuracy wished, and whether it was reached."""
     lines = []
-    units = result.scene.units
-    for direction, end in result.ends.items():
-        reversed_load = " (live load reversed)" if direction == "negative" else ""
-        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), units)
-        lines += tilt_lines(result, end)
-        lines += tension_lines(tie_arrays(result.layout, end.joints), units)
-    lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
-    lines += [str(result.curve_end)] if result.curve_end else []
-    for one in result.passes:  # on the way to the accuracy wished
+    for one in result.passes:
         hinges = ", point hinges" if one.hinges == "points" else ""
         estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
         lines.append(
@@ -178,21 +272,28 @@ def summary(result: Result) -> str:
         )
     if result.inaccurate:
         lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
+    return lines
+
+
+def _details(result: Result, words: Wording) -> list[str]:
+    """Brackets, residuals, what is not known and why, what was skipped, work and time."""
+    lines = []
+    for direction, end in result.ends.items():
+        reversed_load = " (live load reversed)" if direction == "negative" else ""
+        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), words)
+        if end.status != "limit":
+            ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
+            lines += words.merged([(direction, line) for line in ties])
+    lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
+    lines += [str(result.curve_end)] if result.curve_end else []
+    lines += _accuracy(result)[:-1]
+    lines += [f"skipped: {item}" for item in result.skipped]
     seconds = result.seconds
     lines.append(f"{result.factorizations} factorisations, {seconds['total']:.2f} s")
-    return "\n".join(lines)
+    return lines
 
 
-def tilt_lines(result: Result, end: Collapse) -> list[str]:
-    """The angle at which a structure on a tilting table collapses."""
-    angle = result.scene.tilt_angle(end.load_factor)
-    if angle is None or end.status != "limit":
-        return []
-    side = "right" if angle * result.scene.live.body[0] >= 0.0 else "left"
-    return [f"it collapses at a tilt of {abs(angle):.6g} degrees, down to the {side}"]
-
-
-def tension_lines(ties: NamedArrays, units: Units) -> list[str]:
+def tension_lines(ties: NamedArrays, units: Units) -> list[Line]:
     """Forces of ties, one by one."""
     if "state" not in ties:
         return []
@@ -200,14 +301,14 @@ def tension_lines(ties: NamedArrays, units: Units) -> list[str]:
     for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
         carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
         texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
-    return [f"ties: {', '.join(texts)}"]
+    return [Line("ties:", ", ".join(texts))]
 
 
-def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]:
+def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
-    status = end.status.replace("_", " ").upper()
+    status = end.status.replace("_", " ")
     listed = reason.replace("; ", "\n  ")  # what was tried in lines of their own
     found = end.state is not None and not np.isnan(end.load_factor)
     if end.certificate is None or not found or end.status == "no_equilibrium":
@@ -219,21 +320,21 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {listed}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
-    if end.bounds.meet and not end.changes_blocks and not end.rolling:
-        first += "; no other collapse state exists"
+    answers = [line for answer in end.told for line in answer.lines(end, words)]
     return [
         first,
         *filter(None, [end.proof]),
-        f"verified{' as drawn, but blocks roll' if end.rolling else ''}: equilibrium"
-        f" {equilibrium:.0e}, friction {friction:.0e}, gap {certificate.gap:.0e} to the limit load"
-        " for the friction of this state",
-        *(line for answer in end.told for line in answer.lines(end, units)),
-        *(f"warning: {text}" for text in (end.pressed, end.contradiction) if text),
+        f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
+        f" {certificate.gap:.0e} to the limit load for the friction of this state",
+        *(f"{line.head} {line.text}" for line in answers if line.verbose),
     ]
 
 
-def description(layout: Layout) -> str:
-    """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
+def description(layout: Layout, verbose: bool = False) -> str:
+    """Blocks, joints, supports and loads of a scene, in lines.
+
+    With unknowns, joint points and what will be skipped, if that is wished.
+    """
     scene = layout.scene
     units = scene.units
     bodies = layout.bodies
@@ -244,8 +345,8 @@ def description(layout: Layout) -> str:
     lines = [
         scene.title or "(no title)",
         f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
-        f" supports), {cells} cells, {layout.size} displacements,"
-        f" area {layout.bodies_area():.6g} m2",
+        f" supports), {f'{cells} cells, {layout.size} displacements, ' * verbose}"
+        f"area {layout.bodies_area():.6g} m2",
     ]
     joints = layout.joints.without_ties()
     for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
@@ -258,8 +359,8 @@ def description(layout: Layout) -> str:
             continue
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
-            f"{kind} {name}: {_law_text(law, units)}, {int(mine.sum())} points,"
-            f" length {units.length(joints.length[mine].sum())}"
+            f"{kind} {name}: {_law_text(law, units)}, {f'{int(mine.sum())} points, ' * verbose}"
+            f"length {units.length(joints.length[mine].sum())}"
         )
     lines += [f"tie {name}: {_tie_text(tie, units)}" for name, tie in scene.ties.items()]
     for name, kind in scene.supports.items():
@@ -280,7 +381,7 @@ def description(layout: Layout) -> str:
     for name, movement in scene.dead.movement.items():
         by = units.place(movement.displacement, 6)
         lines.append(f"{name} moves by {by}, turns by {movement.rotation:g} degrees")
-    lines += [f"skipped: {item}" for item in skipped(scene)]
+    lines += [f"skipped: {item}" for item in skipped(scene)] if verbose else []
     return "\n".join(lines)
 
 

@@ -41,6 +41,7 @@ from fenics_contact.results.values import (
     joint_arrays,
     tie_arrays,
 )
+from fenics_contact.results.wording import wording_of
 from fenics_contact.scene.scene import Scene
 
 #: What is said of a state that the forces of faces give.
@@ -96,12 +97,33 @@ class Equilibrium(ServiceState, Pictured):
         """Numbers of the blocks that fall where the status is "unstable"; none else."""
         return falling_blocks(self.layout, self.fall)
 
-    def summary(self) -> str:
-        """Status, verification, joints that open or slide, and ties, as text."""
+    def summary(self, verbose: bool = False) -> str:
+        """Whether it stands, and its ties, as text.
+
+        Args:
+            verbose: With verification, joints that open or slide, work and time.
+        """
+        words = wording_of(self.layout)
+        at = "under its dead load"
+        if self.load_factor:
+            at = f"at {words.at(self.load_factor)}"
+        if self.status == "equilibrium":
+            lines = [f"it stands {at} (verified)"]
+        elif self.status == "not_converged":
+            lines = [f"not known whether it stands {at}: {self.reason}"]
+        elif not self.proved:
+            lines = [f"no equilibrium was found {at}, which is no proof that there is none"]
+        else:
+            blocks = self.reason.partition(": ")[2] if self.fall is not None else ""
+            lines = [f"it does not stand {at}{f': {blocks}' * bool(blocks)}"]
+        if self.joint_values is not None:
+            ties = tension_lines(self.ties, words.units)
+            lines += words.merged([("positive", line) for line in ties])
+        if not verbose:
+            return "\n".join(lines)
         status = self.status.replace("_", " ")
-        lines = [f"{status} at load factor {self.load_factor:.8g}"]
-        if self.reason:
-            lines[0] += f": {self.reason}"
+        because = f": {self.reason}" if self.reason else ""
+        lines += ["", f"{status} at load factor {self.load_factor:.8g}{because}"]
         if self.status == "equilibrium":
             found = ", ".join(f"{name} {value + 0.0:.0e}" for name, value in self.residuals.items())
             lines.append(f"verified: {found}")
@@ -110,9 +132,7 @@ class Equilibrium(ServiceState, Pictured):
             state = self.joints["state"]
             counts = (f"{np.sum(state == one)} {one.name.lower()}" for one in reversed(Contact))
             lines.append(f"joint points: {', '.join(counts)}")
-            lines += tension_lines(self.ties, self.layout.scene.units)
-        took = f"{self.factorizations} factorisations, {self.seconds:.2f} s"
-        return "\n".join([*lines, took])
+        return "\n".join([*lines, f"{self.factorizations} factorisations, {self.seconds:.2f} s"])
 
     @checked
     def write(self, folder: str | Path) -> None:

@@ -93,9 +93,13 @@ class LimitLoad(Result, Pictured):
             return None
         return self.layout.with_imposed(self.collapse.state).elastic
 
-    def summary(self) -> str:
-        """Load factors, brackets and verification as text. Collective: it solves for brackets."""
-        return summary(self.with_brackets())
+    def summary(self, verbose: bool = False) -> str:
+        """The answer in some five lines. Collective: it solves for brackets.
+
+        Args:
+            verbose: With verification, what is not known and why, work and time.
+        """
+        return summary(self.with_brackets(), verbose)
 
     @checked
     def with_capacity(
@@ -291,8 +295,6 @@ def limit_load(
     if progress and monitor is None and scene.comm.rank == 0:
         monitor = Progress(scene.solve.tolerance)
     asked = within(scene.solve.time, stop)
-    for item in skipped(scene):
-        _log.info("skipped: %s", item)
     with Discretization(scene) as discretization:
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
@@ -480,8 +482,6 @@ def _result(
 ) -> LimitLoad:
     ends = {name: _rounded(end, end.size) for name, end in ends.items()}
     spared = skipped_iterations([one for end in ends.values() for one in end.history])
-    for item in spared:
-        _log.info("skipped: %s", item)
     return LimitLoad(
         discretization.layout,
         ends,

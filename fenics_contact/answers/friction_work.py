@@ -13,6 +13,7 @@ import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 
 #: Parts below this are in result.json only.
@@ -47,11 +48,11 @@ class FrictionWork(Asked):
         """The parts."""
         return dict(self.value)
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The parts of all groups, where there are several."""
         parts = self._told()
         told = ", ".join(f"{name} {part}" for name, part in parts)
-        return [f"work of friction: {told}"] if len(parts) > 1 else []
+        return [Line("work of friction:", told, verbose=True)] if len(parts) > 1 else []
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The same for the report."""

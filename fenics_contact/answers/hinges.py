@@ -38,6 +38,7 @@ from fenics_contact.results.bounds import LoadFactor, four_digits, signed
 from fenics_contact.results.certificate import kinematic_factor
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.values import JointValues
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
@@ -145,22 +146,28 @@ class HingesAnswer(Asked):
         found = {n: {"length": one[0], "load_factor": one[1]} for n, one in lengths.items()}
         return {"status": value.status, **found, "reason": value.reason or None}
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """What hinges of other lengths do to the load factor."""
         value = self.value
         if value.status == "not_known":
-            what = "mesh: what the length of hinges does to the load factor is not known"
-            return [f"{what}; {value.reason}"]
+            what = "what the length of hinges does to the load factor is not known"
+            return [Line("mesh:", f"{what}; {value.reason}", verbose=True)]
         if value.points == value.load_factor:
             if end.range and end.range.is_one:
                 return []
-            return ["mesh: the load factor does not depend on the length of hinges"]
+            none = "the load factor does not depend on the length of hinges"
+            return [Line("mesh:", none, verbose=True)]
         mesh, physical, points = self._told()
-        here = f"hinges of {units.small(value.length)} as on this mesh"
+        small = words.units.small
+        here = f"load factor {mesh}, hinges of {small(value.length)} as on this mesh"
         if end.load_factor == value.points:
-            return [f"mesh: the hinges are almost points; load factor {mesh}, {here}"]
-        there = f"{physical} with {units.small(value.physical_length)}; {points} with points"
-        return [f"mesh: load factor {mesh}, {here}; {there}"]
+            return [Line("mesh:", f"the hinges are almost points; {here}", verbose=True)]
+        there = f"{physical} with {small(value.physical_length)}; {points} with points"
+        found = [Line("mesh:", f"{here}; {there}", verbose=True)]
+        if not (end.range and end.range.limits):
+            number = words.beside(value.points, end.load_factor, end.sign)
+            found.append(Line("mesh:", f"{number} with hinges that are points"))
+        return found
 
     def table(self, end: Collapse, units: Units) -> Table:
         """Load factors by length."""

@@ -33,6 +33,7 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import result_of
@@ -52,6 +53,8 @@ TEARS = "in other states other joints tear"
 DEAD_LOAD = "the dead load drives the collapse"
 #: What a state is that was searched for.
 SEARCHED = f"lowest collapse state found, {SELF_STRESS}"
+#: The same on the console.
+FOUND = "lowest collapse state found, with any self-stress"
 BY_LOAD = "lower states are not looked for where the load is raised step by step"
 
 
@@ -139,25 +142,36 @@ class LowestAnswer(Asked):
                 end = replace(collapse, searched=SEARCHED, **found_by)
         return cls(told), replace(end, states=known)
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Whether a lower collapse state was found, and all states where several are known."""
         lowest = self.value
+        told = Line("lower state:", self._told(end), verbose=True)
+        if lowest.status == "not_known" or end.bounds.meet or end.searched:
+            return [told]
+        found = "this one"
+        if lowest.status == "lower":
+            found = words.beside(lowest.load_factor, end.load_factor, end.sign)
+        return [told, Line(f"{FOUND}:", found, states=True)]
+
+    def _told(self, end: Collapse) -> str:
+        """The same with all that is known of these states."""
+        lowest = self.value
         if lowest.status == "not_known":
-            return [f"lower state: not known, {lowest.reason}"]
+            return f"not known, {lowest.reason}"
         if end.bounds.meet:
-            return ["lower state: none, as the bracket proves"]
+            return "none, as the bracket proves"
         factors = [state.load_factor for state in end.states]
         several = f"; states were found from {min(factors):.6g} to {max(factors):.6g}"
         others = several if len(factors) > 1 else ""
         if end.searched:
-            return [f"lower state: none found below the one reported{others}"]
+            return f"none found below the one reported{others}"
         if lowest.status == "lower":
-            return [
-                f"lower state: the lowest one found, {SELF_STRESS}, is at {lowest.load_factor:.6g}"
+            return (
+                f"the lowest one found, {SELF_STRESS}, is at {lowest.load_factor:.6g}"
                 f" with a gap of {lowest.gap or 0.0:.0e}; {NOT_FROM_REST}{others}"
-            ]
+            )
         searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
-        return [f"lower state: none found by {searches}, which is no proof{others}"]
+        return f"none found by {searches}, which is no proof{others}"
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The same for the report, and all states that were found where there are several."""

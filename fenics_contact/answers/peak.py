@@ -51,6 +51,7 @@ from fenics_contact.results.bounds import alike
 from fenics_contact.results.certificate import state_residuals, tolerances
 from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.wording import Line, Wording, four
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
@@ -148,18 +149,20 @@ class PeakAnswer(Asked):
                     peak = replace(peak, not_found_at=beyond)
         return cls(peak), end
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """What is carried on the way to the collapse."""
         peak = self.value
+        only_more = self.seconds not in words.asked
         if peak.status == "none":
-            return ["peak: none found, the load factor rises to that of the collapse"]
+            none = "none found, the load factor rises to that of the collapse"
+            return [Line("peak:", none, verbose=only_more)]
         if peak.status == "not_known":
-            return [f"peak: not known, {peak.reason}"]
-        return [
-            f"peak: on the way at least {peak.load_factor:.4g} was carried, at"
-            f" {1e3 * peak.displacement_m:.3g} mm; then joints slip and the load falls (it depends"
-            " on stiffness and mesh: quote the load factor of the collapse)"
-        ]
+            return [Line("peak:", f"not known, {peak.reason}", verbose=only_more)]
+        told = (
+            f"on the way at least {four(words.number(peak.load_factor, end.sign))} was carried at"
+            f" {words.units.small(peak.displacement_m)} (it depends on stiffness and mesh)"
+        )
+        return [Line("peak:", told)]
 
     def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
         """Its place on the capacity curve."""

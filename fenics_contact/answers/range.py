@@ -30,6 +30,7 @@ from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.bounds import MEET, LimitBounds, four_digits
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.values import JointValues
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 
 #: Part of the largest joint force by which a face is pressed between its ends.
@@ -61,6 +62,11 @@ class MechanismRange:
     def upper(self) -> float | None:
         """The largest load factor."""
         return self.ends.upper
+
+    @property
+    def limits(self) -> bool:
+        """Whether the mechanism limits the load factor at all."""
+        return any(end is not None and math.isfinite(end) for end in (self.lower, self.upper))
 
     @property
     def is_one(self) -> bool:
@@ -119,24 +125,42 @@ class RangeAnswer(Asked):
         ends = {"lower": value.lower, "upper": value.upper}
         return {"status": value.status, **ends, "reason": value.reason or None}
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The range in a line."""
         if self.value.status == "not_known":
-            return [f"this mechanism: its range of load factors is not known, {self.value.reason}"]
+            reason = f"its range of load factors is not known, {self.value.reason}"
+            return [Line("this mechanism:", reason, verbose=True)]
         if self.value.is_one:
-            return [
-                "mesh: the load factor does not depend on the mesh, nor on the stiffness of the"
-                " blocks, as long as this mechanism stays"
-            ]
-        return [
-            f"this mechanism: {self._told(end)}, whatever the mesh and the stiffness of the blocks"
-        ]
+            none = (
+                "the load factor does not depend on the mesh, nor on the stiffness of the blocks,"
+                " as long as this mechanism stays"
+            )
+            return [Line("mesh:", none, verbose=True)]
+        told = f"{self._told(end)}, whatever the mesh and the stiffness of the blocks"
+        found = [Line("this mechanism:", told, verbose=True)]
+        if self.value.limits:
+            stays = " while this mechanism stays"
+            found.append(Line("mesh and stiffness:", self._ends(end, words), stays))
+        return found
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The range as a row."""
         told = f"not known: {self.value.reason}" if self.value.reason else self._told(end)
         name = "load factor of this mechanism, whatever the mesh and the stiffness of the blocks"
         return Table([(name, told)])
+
+    def _ends(self, end: Collapse, words: Wording) -> str:
+        """Both ends along the load, as far as they are limited."""
+        given = [self.value.lower, self.value.upper][:: 1 if end.sign > 0.0 else -1]
+        least, most = (
+            words.beside(value, end.load_factor, end.sign, outward)
+            if value is not None and math.isfinite(value)
+            else ""
+            for value, outward in zip(given, (-1, 1), strict=True)
+        )
+        if least and most:
+            return f"{least} to {most}"
+        return f"at least {least}" if least else f"at most {most}"
 
     def _told(self, end: Collapse) -> str:
         """Both ends in words."""

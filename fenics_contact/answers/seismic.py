@@ -24,6 +24,7 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.values import mechanism
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.scene import Scene, Seismic
 from fenics_contact.scene.units import Units
 
@@ -88,16 +89,18 @@ class SeismicAnswer(Asked):
         moving = mechanism(layout, end.mode, end.joints).moving
         return cls(seismic_check(layout, options, end.load_factor, end.mode, moving)), end
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
-        """The check in a line."""
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """The acceleration, and what it comes of."""
         check = self.value
-        return [
-            f"seismic: a0* = {check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g (alpha0 ="
-            f" {check.multiplier:.4g}, e* = {check.mass_fraction:.4g}, FC ="
-            f" {check.confidence_factor:.4g}, M* = {units.mass(check.participating_mass)} of"
-            f" {units.mass(check.moving_mass)} that move in {check.parts} rigid"
-            f" part{'s' * (check.parts != 1)})"
-        ]
+        mass = words.units.mass
+        comes_of = (
+            f"alpha0 = {check.multiplier:.4g}, e* = {check.mass_fraction:.4g}, FC ="
+            f" {check.confidence_factor:.4g}, M* = {mass(check.participating_mass)} of"
+            f" {mass(check.moving_mass)} that move in {check.parts} rigid"
+            f" part{'s' * (check.parts != 1)}"
+        )
+        found = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
+        return [Line("seismic: a0* =", found), Line("a0* comes of", comes_of, verbose=True)]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """Names and values of its table."""

@@ -213,7 +213,8 @@ def _parser() -> argparse.ArgumentParser:
     def command(name: str, what: str) -> Callable[..., Any]:
         made = commands.add_parser(name, help=what)
         loud = made.add_mutually_exclusive_group()
-        loud.add_argument("-v", "--verbose", action="store_true", help="say more")
+        text = "say all: path, brackets, residuals, work"
+        loud.add_argument("-v", "--verbose", action="store_true", help=text)
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
         return made.add_argument
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
 
-from fenics_contact.console import Progress, ProgressBar, SweepProgress, description, summary
+from fenics_contact.console import Progress, ProgressLine, SweepProgress, description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
 from fenics_contact.limit_load import limit_load
@@ -30,15 +31,6 @@ BY_SIGNAL = 128
 LARGE_FILE = 250_000_000
 #: Endings of files that runs write.
 WRITTEN = (".json", ".csv", ".png", ".svg", ".pdf", ".html")
-#: What `stands` answers, by status; the last one is without a proof of "no_equilibrium".
-ANSWERS: Mapping[str, str] = {
-    "equilibrium": "it stands",
-    "unstable": "it does not stand",
-    "no_equilibrium": "it does not stand",
-    "not_converged": "not known",
-}
-NOT_PROVED = "no equilibrium was found"
-
 
 Tasked = Callable[[argparse.Namespace, MPI.Intracomm, Executor], int]
 
@@ -101,36 +93,49 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     start = time.perf_counter()
     loud = comm.rank == 0 and not options.quiet
 
-    def say(text: str) -> None:
-        if loud:
+    def say(text: str, wished: bool = True) -> None:
+        if loud and wished:
             print(f"{text}\n", end="", flush=True)  # in one piece: see `Progress.phase`
 
-    say(f"reading {options.scene}")
+    more = options.verbose
+    say(f"reading {options.scene}", more)
     folder = _output_folder(options, comm)
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     every = ["output.pictures=all"] if options.pictures else []
     scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast, *every])
     read = time.perf_counter() - start
     count = comm.size * ranks_of(beside)
-    say(f"{counted(scene.mesh.body_count, 'block')} on {counted(count, 'rank')}")
+    ranks_told = f" on {counted(count, 'rank')}" if count > 1 else ""
+    say(f"{counted(scene.mesh.body_count, 'block')}{ranks_told}", more)
     # mpirun passes a terminal on even where its own output goes to a file.
-    shown = ProgressBar if count == 1 and sys.stdout.isatty() else Progress
+    over = MPI.COMM_WORLD.size == 1 and sys.stdout.isatty()
+    shown = ProgressLine if over and not more else Progress
     with Signals() as signals:
-        with contextlib.closing(shown(scene.solve.tolerance)) as progress:
-            monitor = progress if loud else None
+        with contextlib.ExitStack() as stack:
+            progress = shown(scene.solve.tolerance)
+            monitor = progress if loud and (more or over) else None
+            if monitor is not None:
+                stack.callback(progress.close)
             result = limit_load(scene, monitor, stop=signals, beside=beside)
             if scene.output.capacity and not result.stopped:
                 result = result.with_capacity(monitor, stop=signals)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
-        say(summary(result) if loud else "")
+        say(summary(result, more) if loud else "")
         if scene.output.pictures and isinstance(beside, InPlace):
             with contextlib.suppress(ImportError):  # said with the picture that is lost
                 load_matplotlib()
         result.write(folder, lambda: _first(signals, comm) > 0, beside)
-        say(f"written to {folder}")
+        say(f"written to {folder}", more)
+        say(_next("report", folder))
         number = _first(signals, comm)
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
+
+
+def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
+    """What people do next."""
+    settings = (part for text in overrides for part in ("--set", text))
+    return f"next: {shlex.join(['fenics-contact', command, f'{of}', *settings])}"
 
 
 def _first(signals: Signals, comm: MPI.Comm) -> int:
@@ -192,8 +197,9 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
     with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
         discretization.check_pushed()
-        lines = [description(discretization)]
+        lines = [description(discretization, options.verbose)]
         lines += [f"warning: {text}" for text in discretization.warnings]
+    lines.append(_next("stands", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))
     return 0
@@ -208,6 +214,7 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     factor = options.load_factor
     tables = read_toml(options.scene, comm, options.overrides)
     loads = tables.get("loads")
+    pushed = isinstance(loads, dict) and "live" in loads
     if factor == 0.0 and isinstance(loads, dict) and "live" not in loads:
         # A live load that acts on the blocks, to be multiplied by 0: as the dead load.
         dead = loads.get("dead")
@@ -228,12 +235,13 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
         for text in found.layout.warnings
         if text.startswith(acting) or not text.startswith("loads.")
     ]
-    doubted = found.status == "no_equilibrium" and not found.proved
-    at = f"at load factor {found.load_factor:g}" if found.load_factor else "under its dead load"
-    lines += [f"{NOT_PROVED if doubted else ANSWERS[found.status]} {at}", found.summary()]
+    lines.append(found.summary(options.verbose))
     found.write(folder)
+    lines.append(f"written to {folder}")
+    if pushed and found.status == "equilibrium":
+        lines.append(_next("solve", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
-        print("\n".join([*lines, f"written to {folder}"]), flush=True)
+        print("\n".join(lines), flush=True)
     return EXIT_CODES.get(found.status, 0)
 
 

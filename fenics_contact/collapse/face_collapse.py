@@ -31,6 +31,7 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
 from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import PER_METRE, Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, State
@@ -55,18 +56,16 @@ class CrushingAnswer(Answer):
         """All places."""
         return [dict(vars(place)) for place in self.value]
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Where a joint crushes over the longest length, and over which."""
         if not self.value:
-            return ["crushing: no joint is at its compressive strength"]
+            return [Line("crushing:", "no joint is at its compressive strength")]
         first = self.value[0]
         count = len(self.value)
-        place = units.place(first.position, 3).removesuffix(" m")
+        place = words.units.place(first.position, 3).removesuffix(" m")
         rest = f", {count - 1} more over less" if count > 1 else ""
-        return [
-            f"crushing: the load factor is that with it; {first.group} crushes over"
-            f" {units.small(first.length)} at {place}{rest}"
-        ]
+        length = words.units.small(first.length)
+        return [Line("crushing:", f"{first.group} crushes over {length} at {place}{rest}")]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The first of these places."""

@@ -25,6 +25,7 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.bounds import LoadFactor, alike
 from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.wording import Line, Wording, four
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 
@@ -52,15 +53,14 @@ class TornAnswer(Answer):
     place = 2
     changes_blocks = True
 
-    def lines(self, end: Collapse, units: Units) -> list[str]:
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """How much has torn, and the load factor with all strengths."""
         torn = self.value
         if torn.length_m == 0.0:
-            return ["torn: no joint that may lose its strength opens in the collapse"]
-        return [
-            f"torn: {units.length(torn.length_m, 3)} of joints have lost their strength; with all"
-            f" strengths the load factor is {torn.load_factor_whole:.6g}"
-        ]
+            return [Line("torn:", "no joint that may lose its strength opens in the collapse")]
+        whole = four(words.number(torn.load_factor_whole, end.sign))
+        length = words.units.length(torn.length_m, 3)
+        return [Line("torn:", f"{length} of joints have lost their strength; {whole} with all")]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The same, and what is known of the load factor without these strengths."""

@@ -50,6 +50,7 @@ from fenics_contact.results.values import (
     named_blocks,
     tie_arrays,
 )
+from fenics_contact.results.wording import Line, Wording, wording_of
 from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
@@ -127,8 +128,8 @@ class Answer(ABC):
         return found | ({"reason": found["reason"] or None} if "reason" in found else {})
 
     @abstractmethod
-    def lines(self, end: Collapse, units: Units) -> Sequence[str]:
-        """Lines for the console, of an answer to a collapse."""
+    def lines(self, end: Collapse, words: Wording) -> Sequence[Line]:
+        """Lines for the console, of an answer to a collapse: for everybody, or for `-v` alone."""
 
     @abstractmethod
     def table(self, end: Collapse, units: Units) -> Table:
@@ -460,6 +461,11 @@ class Result:
     def scene(self) -> Scene:
         """Scene that was solved."""
         return self.layout.scene
+
+    @property
+    def wording(self) -> Wording:
+        """How its load factors are told."""
+        return wording_of(self.layout, both=len(self.ends) > 1)
 
     @property
     def status(self) -> str:

@@ -405,7 +405,8 @@ def fall_reason(layout: Layout, fall: Array | None) -> str:
 
 def named_blocks(blocks: Indices, centre: Array, what: str) -> str:
     """Blocks by number and place, as far as a line has room, and what they do."""
-    names = [f"{block} at ({centre[block, 0]:.3g}, {centre[block, 1]:.3g})" for block in blocks]
+    places = np.round(centre, 9) + 0.0  # without what rounding leaves of 0
+    names = [f"{block} at ({places[block, 0]:.3g}, {places[block, 1]:.3g})" for block in blocks]
     if len(names) == 1:
         return f"block {names[0]} {what}s"
     rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""

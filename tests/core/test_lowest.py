@@ -65,7 +65,7 @@ def test_a_lower_state_is_told_with_its_gap():
     assert [state.status for state in end.states] == ["limit", "limit"]
     assert end.states[0].load_factor == end.load_factor
     assert end.states[1].load_factor == end.lowest.load_factor
-    assert "with any self-stress in the blocks, is at 0.30" in summary(result)
+    assert "with any self-stress in the blocks, is at 0.30" in summary(result, verbose=True)
     record = result_record(result)
     assert record["lowest"]["load_factor"] == end.lowest.load_factor
     assert [state["gap"] for state in record["states"]][1] == end.lowest.gap
@@ -92,10 +92,16 @@ def test_the_lowest_is_the_load_factor_where_it_is_asked_for():
 def test_the_lowest_state_does_not_collapse_at_its_load_factor():
     result = solved(states="lowest")
     record = result_record(result)
-    for text in (summary(result), answer(record), record["ends"]["positive"]["proof"]):
+    for text in (
+        summary(result, verbose=True),
+        answer(record),
+        record["ends"]["positive"]["proof"],
+    ):
         assert "lowest collapse state found, with any self-stress in the blocks, is at" in text
         assert "ollapses at" not in text and "structure stands" not in text
-    assert "none found below the one reported; states were found from 0.30" in summary(result)
+    assert "none found below the one reported; states were found from 0.30" in summary(
+        result, verbose=True
+    )
 
 
 def test_no_lower_state_is_told_where_the_path_is_as_low():

@@ -148,7 +148,7 @@ def test_pages_run_as_they_are_written(page, shell, capsys):
         elif block.kind in RUN:
             found = done(block, shell, capsys)
             assert found.code == 0, f"{block.text}\n{found.out}{found.err}"
-            said = re.findall(r"# (load factor = [\d.]+)", block.text)
+            said = re.findall(r"# (it collapses at [\d.]+ g)", block.text)
             assert all(line in found.out for line in said), found.out
 
 

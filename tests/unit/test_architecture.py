@@ -50,7 +50,7 @@ ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
 CONSOLE = {"cli.command_line", "cli.commands", "__main__"}
 
 #: Modules that are slow to import or not always needed.
-LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "shapely", "tqdm", "weasyprint"}
+LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "shapely", "weasyprint"}
 
 #: What finds out which dolfinx there is.
 PROBES = ("hasattr(", "inspect.", "dolfinx.__version__", "._mesh", "_cpp_object")

@@ -103,7 +103,7 @@ def test_state_of_joint_faces_with_strained_blocks(factor):
     centre = found.blocks["centre"][0, 0]
     moment = force[:, 1] @ (found.joints["position"][base][:, 0] - centre)
     assert moment == pytest.approx(0.2 * factor * weight, rel=1e-6, abs=1e-3)
-    assert "by the forces of joint faces" in found.summary()
+    assert "by the forces of joint faces" in found.summary(verbose=True)
 
 
 def test_faces_answer_where_the_search_on_elastic_blocks_finds_none(monkeypatch):
@@ -211,13 +211,18 @@ def test_blocks_pressed_by_a_fixed_support_that_moves(name):
 
 @pytest.mark.mpi
 def test_summary_of_a_state_has_its_verification_joints_and_cost():
-    first, verified, joints, cost = equilibrium(BLOCK.scene(2), 0.2).summary().splitlines()
+    found = equilibrium(BLOCK.scene(2), 0.2)
+    assert found.summary() == "it stands at 0.2 g to the right (verified)"
+    told, _, first, verified, joints, cost = found.summary(verbose=True).splitlines()
+    assert told == found.summary()
     assert first == "equilibrium at load factor 0.2"
     assert verified.startswith("verified: equilibrium ") and "friction" in verified
     assert joints == "joint points: 4 stick, 0 slip, 1 open"
     assert cost.split()[1] == "factorisations,"
-    beyond = equilibrium(BLOCK.scene(2), 0.4).summary()
-    assert beyond.startswith("no equilibrium at load factor 0.4: with associative friction")
+    beyond = equilibrium(BLOCK.scene(2), 0.4)
+    assert beyond.summary() == "it does not stand at 0.4 g to the right"
+    more = "no equilibrium at load factor 0.4: with associative friction"
+    assert more in beyond.summary(verbose=True)
 
 
 @pytest.mark.mpi

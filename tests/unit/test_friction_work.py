@@ -27,7 +27,7 @@ def test_two_blocks_that_slide_share_the_work():
     exact = {"rough": 2.0 / 3.0, "smooth": 1.0 / 3.0}
     assert result.friction_work == pytest.approx(exact, rel=1e-6)
     assert list(result.friction_work) == ["rough", "smooth"]
-    assert "work of friction: rough 66.7 %, smooth 33.3 %" in result.summary()
+    assert "work of friction: rough 66.7 %, smooth 33.3 %" in result.summary(verbose=True)
     record = result_record(result)
     assert record["friction_work"] == result.friction_work
     (table,) = (t for t in record["ends"]["positive"]["tables"] if "friction" in t["title"])

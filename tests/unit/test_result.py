@@ -232,9 +232,14 @@ def test_result_is_one_line_and_a_summary_is_more(result):
     assert repr(result) == f"<LimitLoad: limit, load factor {result.load_factor:.8g}," + (
         f" load factor {result.load_factor_negative:.8g}>"
     )
-    lines = limit_load(sliding_wall()).summary().splitlines()
-    assert lines[0].startswith("load factor = 0.3") and "between" in lines[0]
-    assert lines[1].startswith("verified")
+    found = limit_load(sliding_wall())
+    first, other = found.summary().splitlines()
+    assert first == "it collapses at 0.3000 g to the right (verified)"
+    assert other.startswith("lowest collapse state found, with any self-stress: this one; nothing")
+    lines = found.summary(verbose=True).splitlines()
+    assert lines[:3] == [first, other, ""]
+    assert lines[3].startswith("load factor = 0.3") and "between" in lines[3]
+    assert lines[4].startswith("verified")
 
 
 def test_what_a_result_knows_has_the_names_of_the_record(result):

@@ -28,12 +28,9 @@ from fenics_contact.output.report.html import (
     value_text,
 )
 from fenics_contact.results.bounds import counted
+from fenics_contact.results.wording import GRAVITY, Wording
 from fenics_contact.scene.units import PER_METRE, Units
 
-#: Acceleration that is written as 1 g, m/s2.
-GRAVITY = 9.81
-#: A component of an acceleration below this part of the other one is none.
-LEVEL = 1e-9
 #: Height of a structure over its width from which the assumptions are beside its picture.
 TALL = 1.6
 
@@ -131,8 +128,9 @@ def answer(record: Record) -> str:
     laws = (law for kind in ("joints", "foundations") for law in scene[kind].values())
     # Brackets are those without the strength that joints may lose.
     loses = any(law.get("opened") == "lost" for law in laws)
-    tilted = scene["loads"]["live"]["tilt"] is True
-    acceleration = sideways(record)
+    told = wording(record)
+    tilted = told.tilt != 0.0
+    acceleration = told.acceleration
     known: list[str] = []
     lost: list[str] = []
     for direction, end in record["ends"].items():
@@ -140,16 +138,15 @@ def answer(record: Record) -> str:
         way = f"the live load{' reversed' if negative else ''}"
         preposition = "for "
         if acceleration is not None:
-            way = f"to the {'right' if (acceleration > 0.0) != negative else 'left'}"
+            way = told.way(direction)
             preposition = ""
         if end["status"] == "unbounded":
             known.append(f"any load {preposition}{way}")
         elif end["status"] == "limit":
-            part = f"{_amount(end['load_factor'], acceleration)} {way}"
+            part = f"{_amount(end['load_factor'], told)} {way}"
             if tilted:
-                angle = math.degrees(math.atan(abs(end["load_factor"])))
-                right = (scene["loads"]["live"]["body"][0] >= 0.0) != negative
-                part = f"a tilt of {angle:.3g} degrees, down to the {'right' if right else 'left'}"
+                angle = abs(told.number(end["load_factor"]))
+                part = f"a tilt of {angle:.3g} degrees, {told.way(direction)}"
             searched = end.get("searched")
             if searched:
                 lost.append(f"The {searched}, is at {part}.")
@@ -160,35 +157,23 @@ def answer(record: Record) -> str:
             most = ""
             if beyond is not None and not loses:
                 this_load = " this load" if acceleration is None else ""
-                most = f"; it is at most {_amount(beyond, acceleration)}{this_load}"
+                most = f"; it is at most {_amount(beyond, told)}{this_load}"
             lost.append(f"No limit load was found {preposition}{way}{most}.")
     verb = "carries" if acceleration is None and not tilted else "stands"
     sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
     return " ".join(sentence + lost)
 
 
-def _amount(factor: float, acceleration: float | None) -> str:
+def _amount(factor: float, told: Wording) -> str:
     """The size of a load factor as an acceleration in g, or as a multiple."""
-    if acceleration is None:
-        return f"{abs(factor):.3g} times"
-    return f"{abs(factor * acceleration) / GRAVITY:.3g} g"
+    return f"{abs(told.number(factor)):.3g} {told.unit}"
 
 
-def sideways(record: Record) -> float | None:
-    """Horizontal acceleration of the live load at load factor 1, m/s2; None for other loads.
-
-    The live load is then the horizontal body force alone, and the dead load has the weight.
-    """
-    dead = record["scene"]["loads"]["dead"]
-    live = record["scene"]["loads"]["live"]
-    x, y = live["body"]
-    others = [live.get(name) for name in ("traction", "force", "earth", "form", "tilt")]
-    uniform = live.get("profile") in (None, "uniform")
-    level = abs(y) <= LEVEL * abs(x)
-    weight = dead["body"][1] < 0.0
-    # Floors without mass are weights that are not pushed.
-    others += [not one["mass"] for one in (record["scene"].get("floors") or {}).values()]
-    return x if x and level and weight and uniform and not any(others) else None
+def wording(record: Record) -> Wording:
+    """How the load factors of a result are told."""
+    scene = record["scene"]
+    units = Units(thickness=scene.get("thickness")).of_report
+    return Wording.of(scene["loads"], scene.get("floors") or {}, scene["resultants"]["live"], units)
 
 
 def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
@@ -204,7 +189,7 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         yield "thickness", "not given; forces are per metre of thickness"
     yield "dead load", units.forces(scene["resultants"]["dead"], 4)
     live = units.forces(scene["resultants"]["live"], 4)
-    same = sideways(record)
+    same = wording(record).acceleration
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
     down = math.hypot(*scene["loads"]["dead"]["body"])

@@ -1,0 +1,193 @@
+"""A load factor in the words of its user: how much of which load, and which way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+from fenics_contact.discretization.layout import Layout
+from fenics_contact.scene.units import Units
+
+#: Acceleration that is written as 1 g, m/s2.
+GRAVITY = 9.81
+#: A component of an acceleration below this part of the other one is none.
+LEVEL = 1e-9
+#: Relative difference of load factors below which three digits do not tell them apart.
+CLOSE = 0.01
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line for the console; lines of both directions with one head become one.
+
+    Attributes:
+        head: What it is about.
+        text: What is said of it.
+        tail: What follows, once for both directions.
+        verbose: Whether only those who ask for more (`-v`) read it.
+        states: Whether it stands with the bracket, on the line on other collapse states.
+    """
+
+    head: str
+    text: str = ""
+    tail: str = ""
+    verbose: bool = False
+    states: bool = False
+
+
+@dataclass(frozen=True)
+class Wording:
+    """How load factors of a scene are told.
+
+    Attributes:
+        units: Of forces and lengths.
+        acceleration: Horizontal one at load factor 1, m/s2, where the live load is gravity sideways
+            on all masses; None for other loads.
+        load: Size of the live load's resultant, N per metre of thickness.
+        tilt: Horizontal body force of the live load, where it is that of a tilting table, whose
+            angle is told then; else 0.
+        both: Whether both directions of the live load are told of.
+        asked: Options of the solve that the scene sets.
+    """
+
+    units: Units
+    acceleration: float | None = None
+    load: float = 0.0
+    tilt: float = 0.0
+    both: bool = False
+    asked: Collection[str] = field(default_factory=frozenset)
+
+    @classmethod
+    def of(
+        cls,
+        loads: Mapping[str, Mapping[str, Any]],
+        floors: Mapping[str, Mapping[str, Any]],
+        resultant: Sequence[float],
+        units: Units,
+        **more: Any,
+    ) -> Self:
+        """For loads and floors with the names and values of a scene file."""
+        live = loads["live"]
+        tilt = live["body"][0] if live.get("tilt") is True else 0.0
+        return cls(units, sideways(loads, floors), math.hypot(*resultant), tilt, **more)
+
+    def number(self, factor: float, sign: float = 1.0) -> float:
+        """A load factor in g or degrees, or as a multiple, against the load in its direction."""
+        if self.tilt:
+            return math.degrees(math.atan(sign * factor)) + 0.0
+        share = 1.0 if self.acceleration is None else abs(self.acceleration) / GRAVITY
+        return sign * factor * share + 0.0
+
+    @property
+    def unit(self) -> str:
+        """What numbers are in."""
+        if self.tilt:
+            return "degrees"
+        return "times" if self.acceleration is None else "g"
+
+    def way(self, direction: str) -> str:
+        """Where the live load pushes."""
+        negative = direction == "negative"
+        pushes = self.tilt or self.acceleration
+        if pushes:
+            side = "right" if (pushes > 0.0) != negative else "left"
+            return f"{'down ' * bool(self.tilt)}to the {side}"
+        return "reversed" if negative else "as given" * self.both
+
+    def amount(self, factor: float, direction: str) -> str:
+        """How much of the live load, and which way, in a few words."""
+        sign = -1.0 if direction == "negative" else 1.0
+        number = four(self.number(factor, sign))
+        if self.tilt:
+            return f"a tilt of {number} degrees, {self.way(direction)}"
+        if self.acceleration is not None:
+            return f"{number} g {self.way(direction)}"
+        if sign < 0.0:
+            return f"{number} times the live load reversed"
+        load = f" of {self.units.force(self.load, 4)}" if self.load else ""
+        return f"{number} times the live load{load}"
+
+    def at(self, factor: float) -> str:
+        """A load factor that is given: with as many digits, as `amount`."""
+        name = "negative" if factor < 0.0 else "positive"
+        number = f"{abs(self.number(factor)):.6g}"
+        if self.tilt:
+            return f"a tilt of {number} degrees, {self.way(name)}"
+        if self.acceleration is not None:
+            return f"{number} g {self.way(name)}"
+        return f"{number} times the live load{' reversed' * (factor < 0.0)}"
+
+    def beside(self, factor: float, leading: float, sign: float, outward: int = 0) -> str:
+        """A number beside that of a collapse: three digits, or four where they are close.
+
+        Bounds are rounded up (`outward` 1) or down (-1), so that they stay bounds.
+        """
+        value = self.number(factor, sign)
+        apart = abs(value - self.number(leading, sign))
+        digits = 3 if apart > CLOSE * abs(self.number(leading, sign)) else 4
+        if value == 0.0:
+            return "0"
+        exponent = math.floor(math.log10(abs(value)))
+        count = round(value * 10.0 ** (digits - 1 - exponent), 3)
+        whole = {1: math.ceil, -1: math.floor}.get(outward, round)(count)
+        return f"{whole * 10.0 ** (exponent + 1 - digits):.{max(digits - 1 - exponent, 0)}f}"
+
+    def merged(self, told: Sequence[tuple[str, Line]]) -> list[str]:
+        """Lines, each with its direction, as text: those with one head are one."""
+        found = []
+        for head in dict.fromkeys(line.head for _, line in told):
+            parts = [(name, line) for name, line in told if line.head == head]
+            first = parts[0][1]
+            texts = [line.text for _, line in parts]
+            if self.both and (len(parts) == 1 or len(set(texts)) > 1):
+                texts = [f"{line.text} {self.way(name)}".strip() for name, line in parts]
+            else:
+                texts = texts[:1]
+            between = "; " if any(", " in text for text in texts) else ", "
+            found.append(f"{head} {between.join(texts)}{first.tail}".strip())
+        return found
+
+
+def four(value: float) -> str:
+    """A number with four digits, trailing zeros too."""
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.{max(3 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def wording_of(layout: Layout, both: bool = False) -> Wording:
+    """How the load factors of a scene are told, with both directions of the live load or one."""
+    scene = layout.scene
+    loads = {"dead": vars(scene.dead), "live": vars(scene.live)}
+    floors = {name: vars(floor) for name, floor in scene.floors.items()}
+    resultant = layout.bodies.live[:, :2].sum(axis=0)
+    asked = {name for name, value in vars(scene.solve).items() if value is True}
+    return Wording.of(loads, floors, resultant, scene.units, both=both, asked=asked)
+
+
+def sideways(
+    loads: Mapping[str, Mapping[str, Any]], floors: Mapping[str, Mapping[str, Any]]
+) -> float | None:
+    """Horizontal acceleration of the live load at load factor 1, m/s2; None for other loads.
+
+    The live load is then the horizontal body force, and the dead load has the weight. A weight that
+    is given as a traction may be pushed along, by the same part of it; floors are with their mass.
+    """
+    dead = loads["dead"]
+    live = loads["live"]
+    x, y = live["body"]
+    down = -dead["body"][1]
+    others = [live.get(name) for name in ("force", "earth", "form", "tilt")]
+    others += [not one["mass"] for one in floors.values()]  # weights that are not pushed
+    uniform = live.get("profile") in (None, "uniform")
+    if not x or abs(y) > LEVEL * abs(x) or down <= 0.0 or not uniform or any(others):
+        return None
+    resting = dead.get("traction") or {}
+    for name, (along, up) in (live.get("traction") or {}).items():
+        weight = -resting.get(name, (0.0, 0.0))[1]
+        same = math.isclose(along, weight * x / down, rel_tol=1e-3)
+        if not same or weight <= 0.0 or abs(up) > LEVEL * abs(along):
+            return None
+    return float(x)
