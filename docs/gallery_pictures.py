@@ -10,7 +10,7 @@ DOCS = Path(__file__).resolve().parent
 WIDTH, COLOURS = 680, 128  # pixels; for small files
 
 shutil.rmtree(DOCS / "gallery", ignore_errors=True)
-for name in re.findall(r"\(gallery/(\S+)\)", (DOCS / "gallery.md").read_text()):
+for name in re.findall(r"!\[[^]]*\]\(gallery/([^)]+)\)", (DOCS / "gallery.md").read_text()):
     picture = Image.open(DOCS.parent / "demos" / "output" / name).convert("RGB")
     picture.thumbnail((WIDTH, WIDTH))
     target = DOCS / "gallery" / name
