@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         OutputOptions,
         Scene,
         Seismic,
+        Soil,
         SolveOptions,
         Tie,
     )
@@ -54,6 +55,7 @@ __all__ = [
     "Scene",
     "Seismic",
     "SeismicCheck",
+    "Soil",
     "SolveOptions",
     "SolverError",
     "Sweep",

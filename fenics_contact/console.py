@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,7 +19,13 @@ from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.results.bounds import WITHOUT_PATH, LimitBounds, counted
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Result, skipped
-from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
+from fenics_contact.results.values import (
+    NamedArrays,
+    SoilForce,
+    TieState,
+    soil_forces,
+    tie_arrays,
+)
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.scene import JointLaw, Tie
 from fenics_contact.scene.units import Units
@@ -203,7 +209,8 @@ def _answer(result: Result, words: Wording) -> list[str]:
         mine = [line for line in answers if not line.verbose]
         mine += _bracket(end, words, alone=not any(line.states for line in mine))
         ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
-        told += [(name, line) for line in (*mine, *ties)]
+        soils = soil_lines(soil_forces(result.layout, end.joints), words.units)
+        told += [(name, line) for line in (*mine, *ties, *soils)]
     if states := [(name, line) for name, line in told if line.states]:
         found.append("; ".join(words.merged(states)))
     found += words.merged([(name, line) for name, line in told if not line.states])
@@ -304,6 +311,17 @@ def tension_lines(ties: NamedArrays, units: Units) -> list[Line]:
     return [Line("ties:", ", ".join(texts))]
 
 
+def soil_lines(soils: Sequence[SoilForce], units: Units) -> list[Line]:
+    """What soils press with, one by one."""
+    texts = [
+        f"{one.name} {units.force(one.force, 4)} ({one.state}, from {units.force(one.active, 4)} to"
+        f" {units.force(one.passive, 4)})"
+        for one in soils
+        if one.state
+    ]
+    return [Line("soil:", ", ".join(texts))] if texts else []
+
+
 def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
@@ -363,6 +381,14 @@ def description(layout: Layout, verbose: bool = False) -> str:
             f"length {units.length(joints.length[mine].sum())}"
         )
     lines += [f"tie {name}: {_tie_text(tie, units)}" for name, tie in scene.ties.items()]
+    for one in soil_forces(layout, None):
+        soil = scene.soil[one.name]
+        least, most = soil.coefficients
+        lines.append(
+            f"soil {one.name}: on {soil.at}, surface at {units.length(soil.level)},"
+            f" k_a {least:.4g}, k_p {most:.4g}, presses with {units.force(one.active)} to"
+            f" {units.force(one.passive)}"
+        )
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()
         lines.append(f"support {name}: {kind}, length {units.length(length)}")

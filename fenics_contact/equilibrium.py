@@ -22,7 +22,7 @@ from fenics_contact.collapse.service_state import (
     without_equilibrium,
 )
 from fenics_contact.collapse.strategy import strategy_of
-from fenics_contact.console import tension_lines
+from fenics_contact.console import soil_lines, tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import turn_in
@@ -39,6 +39,7 @@ from fenics_contact.results.values import (
     block_arrays,
     falling_blocks,
     joint_arrays,
+    soil_forces,
     tie_arrays,
 )
 from fenics_contact.results.wording import wording_of
@@ -98,7 +99,7 @@ class Equilibrium(ServiceState, Pictured):
         return falling_blocks(self.layout, self.fall)
 
     def summary(self, verbose: bool = False) -> str:
-        """Whether it stands, and its ties, as text.
+        """Whether it stands, its ties and soils, as text.
 
         Args:
             verbose: With verification, joints that open or slide, work and time.
@@ -117,8 +118,9 @@ class Equilibrium(ServiceState, Pictured):
             blocks = self.reason.partition(": ")[2] if self.fall is not None else ""
             lines = [f"it does not stand {at}{f': {blocks}' * bool(blocks)}"]
         if self.joint_values is not None:
-            ties = tension_lines(self.ties, words.units)
-            lines += words.merged([("positive", line) for line in ties])
+            held = tension_lines(self.ties, words.units)
+            held += soil_lines(soil_forces(self.layout, self.joint_values), words.units)
+            lines += words.merged([("positive", line) for line in held])
         if not verbose:
             return "\n".join(lines)
         status = self.status.replace("_", " ")

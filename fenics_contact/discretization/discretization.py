@@ -33,6 +33,7 @@ from fenics_contact.discretization.layout import (
     motions,
 )
 from fenics_contact.discretization.materials import displacement_space
+from fenics_contact.discretization.soil import with_soil
 from fenics_contact.discretization.supports import find_supports
 from fenics_contact.discretization.ties import find_ties
 from fenics_contact.discretization.warnings import warnings_on
@@ -283,7 +284,7 @@ class Discretization(Layout, Closing):
     def _find_joints(self, scene: Scene) -> None:
         """Take the supports, joints and ties of a scene, and what is to be warned of."""
         self.supports = find_supports(scene, self.boundary)
-        ties = find_ties(scene, self.boundary, self.space)
+        ties = with_soil(find_ties(scene, self.boundary, self.space), scene, self.boundary)
         self.joints = find_joints(scene, self.boundary, ties)
         self.warnings = warnings_on(scene, self.boundary, self.joints)
 

@@ -246,7 +246,7 @@ def find_joints(
         parts.append((ties.stencil, ground, ties.bodies, *where, law, none, none))
         half = 0.5 * np.bincount(ties.tie, ties.yields, len(ties.names))
         laws = (*laws, *(JointLaw("tresca", bound=float(bound)) for bound in half))
-        names = (*names, *(f"ties.{name}" for name in ties.names))
+        names = (*names, *ties.keys)
     else:
         ties = None
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]

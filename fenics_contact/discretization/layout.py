@@ -211,7 +211,8 @@ def straight_faces(joints: Joints) -> Faces:
     across = (joints.sides[:, 1] - joints.sides[:, 0]) / size
     line = np.column_stack([joints.normal, offset, across])
     line = np.round(line / COLLINEAR).astype(np.int64)
-    keys = np.column_stack([joints.bodies, joints.law, line])
+    bar = np.maximum(np.arange(len(law.strength)) - joints.joint_count, -1)  # each by itself
+    keys = np.column_stack([joints.bodies, joints.law, line, bar])
     face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))

@@ -49,7 +49,7 @@ from fenics_contact.discretization.facets import (
 from fenics_contact.discretization.forms import given_load
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene
+from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene, Soil
 
 
 @dataclass(frozen=True)
@@ -356,7 +356,7 @@ def nodal_forces(
     first, last = index_map.local_range
     on_facets = forces_on_facets(boundary, load, f"loads.{kind}")
     if kind == "dead":
-        on_facets += weights_of_floors(scene, boundary)
+        on_facets += weights_of_floors(scene, boundary) + forces_of_soil(scene, boundary)
     else:
         heavy = [name for name, floor in scene.floors.items() if floor.mass or load.on_table]
         acceleration = np.array(load.acceleration)
@@ -367,6 +367,57 @@ def nodal_forces(
         here = (nodes >= first) & (nodes < last)
         np.add.at(mine, nodes[here] - first, force[here])
     return mine.ravel()
+
+
+def soil_strips(scene: Scene, boundary: Boundary) -> dict[str, Strips]:
+    """Parts of sides below the surface of soils, by their names.
+
+    Raises:
+        InputError: If soil is at a joint or a foundation, or nowhere.
+    """
+    found = {}
+    for name, soil in scene.soil.items():
+        boundary.role([soil.at])  # raises: inside a block
+        mine = boundary.in_group(soil.at)
+        inner = mine.copy()
+        inner[:] = False
+        inner[facing_facets(boundary).facets] = True
+        inner |= boundary.role(scene.foundations) >= 0
+        if both := np.count_nonzero(mine & inner):
+            raise InputError(
+                f"soil.{name}.at = '{soil.at}': {both} facets touch another block or the ground;"
+                " give a group of outer sides"
+            )
+        found[name] = Strips.between(boundary, mine, 1, (-np.inf, soil.level))
+        if not len(found[name].facets):
+            text = f"no side of '{soil.at}' is below the surface"
+            raise InputError(f"soil.{name}.level = {soil.level:g}: {text}")
+    return found
+
+
+def stress_of_soil(soil: Soil, height: Array) -> Array:
+    """Vertical stress in soil at heights below its surface, Pa."""
+    return soil.surcharge + soil.unit_weight * (soil.level - height)
+
+
+def forces_of_soil(scene: Scene, boundary: Boundary) -> list[tuple[Indices, Array]]:
+    """Facets and the forces on their nodes: active pressure and the weight on sides that look up.
+
+    Forces have the shape (facets, nodes of a facet, 2), N per metre of thickness.
+    """
+    found = []
+    for name, strips in soil_strips(scene, boundary).items():
+        soil = scene.soil[name]
+        across, up = boundary.normal[strips.facets].T
+        down = np.maximum(up, 0.0) * soil.weight
+        share = -np.column_stack([soil.coefficients[0] * across, down])
+
+        def traction(position: Array, soil: Soil, share: Array) -> Array:
+            return stress_of_soil(soil, position[..., 1])[..., None] * share[:, None]
+
+        acts = partial(traction, soil=soil, share=share)
+        found.append((strips.facets, strips.forces(boundary, acts)))
+    return found
 
 
 def forces_on_facets(

@@ -42,7 +42,7 @@ from fenics_contact.discretization.facets import (
     shape_functions,
 )
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Array, BlockMesh, Indices, Labels
+from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
 from fenics_contact.scene.scene import Scene
 
 #: Places this far outside a block are in it, over the structure's size.
@@ -63,6 +63,7 @@ class Ties:
         yields: Y of the bars, N per metre of thickness.
         compliance: 1/k of the bars, m per N/m; 0 where they do not stretch.
         prestress: P of the bars, N per metre of thickness.
+        soils: How many of the last names are of soil (`soil`).
     """
 
     names: tuple[str, ...]
@@ -74,6 +75,38 @@ class Ties:
     yields: Array
     compliance: Array
     prestress: Array
+    soils: int = 0
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names as a scene file has them."""
+        first = len(self.names) - self.soils
+        kinds = ["ties"] * first + ["soil"] * self.soils
+        return tuple(f"{kind}.{name}" for kind, name in zip(kinds, self.names, strict=True))
+
+    def joined(self, more: Ties) -> Ties:
+        """These bars, and then others."""
+        arrays = ("bodies", "sides", "share", "yields", "compliance", "prestress")
+        return Ties(
+            names=(*self.names, *more.names),
+            tie=np.concatenate([self.tie, len(self.names) + more.tie]),
+            stencil=Stencil.joined([self.stencil, more.stencil]),
+            soils=self.soils + more.soils,
+            **{name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in arrays},
+        )
+
+    def part(self, soil: bool) -> tuple[Flags, Ties]:
+        """Bars of soil, or all others: which they are, and they alone."""
+        first = len(self.names) - self.soils
+        mine = (self.tie >= first) == soil
+        arrays = ("bodies", "sides", "share", "yields", "compliance", "prestress")
+        return mine, Ties(
+            names=self.names[first:] if soil else self.names[:first],
+            tie=self.tie[mine] - first * soil,
+            stencil=Stencil(self.stencil.nodes[mine], self.stencil.weights[mine]),
+            soils=self.soils * soil,
+            **{name: getattr(self, name)[mine] for name in arrays},
+        )
 
     @property
     def name(self) -> npt.NDArray[np.str_]:

@@ -41,6 +41,7 @@ from fenics_contact.results.values import (
     TieState,
     falling_blocks,
     mechanism,
+    soil_forces,
     tie_arrays,
 )
 from fenics_contact.scene.scene import ALL, Scene, function_name
@@ -346,6 +347,7 @@ def write_service_state(
         "tolerances": {name: tolerances()[name] for name in found.residuals},
         "falling_blocks": falling.tolist(),
         "ties": tie_records(tie_arrays(layout, found.joint_values)),
+        "soil": [vars(one) for one in soil_forces(layout, found.joint_values)],
         "warnings": list(layout.warnings),
         **origin_record(layout),
         **numbers,
@@ -393,6 +395,7 @@ def result_record(result: Result) -> Record:
         **dict.fromkeys(("method", "engine", "gap", "error_estimate", "residuals")),
         **{kind.key: None for kind in kinds},
         "ties": [],
+        "soil": [],
         "capacity": vars(result.curve_end) if result.curve_end else None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
@@ -489,6 +492,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
             },
         }
     record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
+    record["soil"] = [vars(one) for one in soil_forces(result.layout, collapse.joints)]
     for kind in Answer.kinds.values():
         if not kind.by_direction:
             answer = collapse.answers.get(kind.name)
@@ -588,6 +592,7 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "resultants": {name: (force + 0.0).tolist() for name, force in forces.items()},
         "ties": given["ties"],
         "floors": given["floors"],
+        "soil": given["soil"],
         "seismic": scene.seismic and asdict(scene.seismic),
         "contacts": contacts,
         "solve": asdict(scene.solve),

@@ -15,6 +15,7 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import (
     floor_strips,
+    forces_of_soil,
     forces_on_facets,
     weights_of_floors,
 )
@@ -217,6 +218,7 @@ def view_of(
     held = [(name, "foundation") for name in scene.foundations]
     held += [(name, f"support ({kind})") for name, kind in scene.supports.items()]
     labels = _labels(layout, "live", live), _labels(layout, "dead", dead)
+    ties = None if values is None else tie_values(layout.joints, values)
     return View(
         boundary=boundary,
         joints=joints,
@@ -230,8 +232,8 @@ def view_of(
         materials=tuple(scene.materials),
         live=live,
         dead=dead,
-        ties=None if values is None else tie_values(layout.joints, values),
-        tie_motion=sides[count:],
+        ties=ties,
+        tie_motion=sides[count:][: 0 if ties is None else len(ties.force)],
         roles=Roles(tuple(held), tuple(scene.ties), *labels),
         scale=scale,
     )
@@ -263,7 +265,10 @@ def _loads(layout: Layout, kind: str, sign: float) -> Loads:
     bodies = layout.bodies
     points = boundary.points
     # Facets and the forces at their nodes, N per metre of thickness: along edges, then at places.
-    on_facets = list(weights_of_floors(layout.scene, boundary)) if kind == "dead" else []
+    on_facets = []
+    if kind == "dead":
+        on_facets += weights_of_floors(layout.scene, boundary)
+        on_facets += forces_of_soil(layout.scene, boundary)
     for name, traction in load.traction.items():
         facets = np.flatnonzero(boundary.in_group(name))
         half = np.outer(0.5 * boundary.length[facets], traction)

@@ -42,12 +42,14 @@ from fenics_contact.results.history import (
 from fenics_contact.results.values import (
     JointValues,
     NamedArrays,
+    SoilForce,
     block_arrays,
     fall_reason,
     falling_blocks,
     joint_arrays,
     large,
     named_blocks,
+    soil_forces,
     tie_arrays,
 )
 from fenics_contact.results.wording import Line, Wording, wording_of
@@ -532,6 +534,17 @@ class Result:
     def load_factor_negative(self) -> float:
         """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
         return float("nan") if self.negative is None else self.negative.load_factor
+
+    @property
+    def tilt_angle(self) -> float | None:
+        """Angle of a tilting table at the limit load, degrees; None where the load is another."""
+        return self.scene.tilt_angle(self.load_factor)
+
+    @property
+    def soil(self) -> tuple[SoilForce, ...]:
+        """What soils press with at the collapse that fields show."""
+        end = self.collapse
+        return soil_forces(self.layout, None if end is None else end.joints)
 
     @property
     def curve_end(self) -> CurveEnd | None:

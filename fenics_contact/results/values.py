@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout, straight_faces
+from fenics_contact.discretization.soil import places_of_soil
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.search_options import SEARCH
@@ -144,19 +145,57 @@ class TieValues:
         return np.where(part < 1.0 - AT_END, state, TieState.YIELDS).astype(np.int64)
 
 
-def tie_values(joints: Joints, values: JointValues) -> TieValues | None:
-    """Values of ties from those of all points; None where there are no ties."""
-    bars = joints.ties
-    if bars is None:
+def tie_values(joints: Joints, values: JointValues, soil: bool = False) -> TieValues | None:
+    """Values of ties, or of bars of soil, from those of all points; None where there are none."""
+    if joints.ties is None:
         return None
-    count = joints.joint_count
-    tension = 0.5 * bars.yields - values.shear_force[count:]  # t = Y/2 - r_T
+    mine, bars = joints.ties.part(soil)
+    if not len(bars.tie):
+        return None
+    at = joints.joint_count + np.flatnonzero(mine)
+    tension = 0.5 * bars.yields - values.shear_force[at]  # t = Y/2 - r_T
     return TieValues(
         bars=bars,
         force=np.clip(tension, 0.0, bars.yields),  # rounding
-        elongation=values.slip[count:] + (tension - bars.prestress) * bars.compliance,
-        elongation_rate=values.slip_rate[count:],
+        elongation=values.slip[at] + (tension - bars.prestress) * bars.compliance,
+        elongation_rate=values.slip_rate[at],
     )
+
+
+@dataclass(frozen=True)
+class SoilForce:
+    """What a soil presses with, level, N per metre of thickness.
+
+    Attributes:
+        name: Of the scene's soil.
+        force: Sum of its pressure; nan without a state.
+        active: The least.
+        passive: The largest.
+        state: "active", "passive", "between", or "" without a state.
+    """
+
+    name: str
+    force: float
+    active: float
+    passive: float
+    state: str
+
+
+def soil_forces(layout: Layout, values: JointValues | None) -> tuple[SoilForce, ...]:
+    """Forces of all soils, in a state of the joints if there is one."""
+    found = None if values is None else tie_values(layout.joints, values, soil=True)
+    forces = []
+    for name, places in places_of_soil(layout.scene, layout.boundary).items():
+        stress = float(places.stress.sum())
+        least, most = (part * stress for part in layout.scene.soil[name].coefficients)
+        more = 0.0 if found is None else float(found.force[found.bars.name == name].sum())
+        part = more / (most - least) if most > least else 0.0
+        state = "between" if AT_END < part < 1.0 - AT_END else ("active", "passive")[part > 0.5]
+        known = values is not None
+        forces.append(
+            SoilForce(name, least + more if known else np.nan, least, most, state if known else "")
+        )
+    return tuple(forces)
 
 
 class NamedArrays(Mapping[str, npt.NDArray[Any]]):
@@ -238,9 +277,9 @@ def tie_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
     | `elongation_rate` | m | in the collapse mode, on which the live load does work 1 |
     | `state` | | 0 slack, 1 elastic, 2 yields |
     """
-    bars = layout.joints.ties
-    if bars is None:
+    if layout.joints.ties is None or len(layout.joints.ties.names) == layout.joints.ties.soils:
         return NamedArrays("ties", {})
+    bars = layout.joints.ties.part(False)[1]
     found = values and tie_values(layout.joints, values)
     sources: dict[str, Callable[[], npt.NDArray[Any]]] = {
         "name": partial(getattr, bars, "name"),

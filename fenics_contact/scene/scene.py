@@ -391,6 +391,66 @@ class Floor(_Checked):
 
 
 @dataclass(frozen=True)
+class Soil(_Checked):
+    """Soil that lies against outer sides, and pushes back where these move into it.
+
+    At depth z below its surface the vertical stress is s = surcharge + unit_weight z. The soil
+    presses level on the sides with k_a s to k_p s: with k_a where they give way, with k_p where
+    they move into it. W.J.M. Rankine, Phil. Trans. R. Soc. 147 (1857) 9; C.A. Coulomb (1776).
+
+    Attributes:
+        at: Name of a one-dimensional group of outer sides.
+        level: Height of the surface, m.
+        unit_weight: N/m3.
+        friction_angle: Of the soil, degrees; gives the coefficients that are left out.
+        wall_friction: Angle of friction on the wall, degrees, at most that of the soil, for the
+            coefficients: 0 those of Rankine, tan^2(45 deg -+ phi / 2), above 0 the level part of
+            those of Coulomb for an upright wall. The soil's shear on the wall is left out.
+        surcharge: Vertical pressure on the surface, Pa.
+        active: k_a.
+        passive: k_p.
+        weight: Whether the soil lies on the sides that look up, with s, as dead load.
+    """
+
+    at: str
+    level: float = _ruled(_within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    unit_weight: float = _ruled(_NOT_NEGATIVE)
+    friction_angle: float | None = _ruled(
+        _rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), None
+    )
+    wall_friction: float = _ruled(
+        _rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0
+    )
+    surcharge: float = _ruled(_NOT_NEGATIVE, 0.0)
+    active: float | None = _ruled(_NOT_NEGATIVE, None)
+    passive: float | None = _ruled(_NOT_NEGATIVE, None)
+    weight: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = self.friction_angle is not None or None not in (self.active, self.passive)
+        require(known, "give friction_angle, or both active and passive")
+        angle = self.friction_angle or 0.0
+        rough = f"wall_friction = {self.wall_friction:g} must not exceed friction_angle, {angle:g}"
+        require(self.wall_friction <= angle, rough)
+        least, most = self.coefficients
+        text = f"active = {least:.4g} must not exceed passive = {most:.4g}"
+        require(least <= most * (1.0 + SAME_ANGLE), text)
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """K_a and k_p: level pressure over vertical stress, least and largest."""
+        phi = math.radians(self.friction_angle or 0.0)
+        delta = math.radians(self.wall_friction)
+        root = math.sqrt(math.sin(phi + delta) * math.sin(phi) / math.cos(delta))
+        least, most = ((math.cos(phi) / (1.0 + sign * root)) ** 2 for sign in (1.0, -1.0))
+        return (
+            least if self.active is None else self.active,
+            most if self.passive is None else self.passive,
+        )
+
+
+@dataclass(frozen=True)
 class Load(_Checked):
     """A body force, tractions, forces at places, earth pressure and movements of supports.
 
@@ -576,6 +636,7 @@ class _Shared:
     supports: Mapping[str, str] = field(default_factory=dict)
     ties: Mapping[str, Tie] = field(default_factory=dict)
     floors: Mapping[str, Floor] = field(default_factory=dict)
+    soil: Mapping[str, Soil] = field(default_factory=dict)
     seismic: Seismic | None = None
     stress: StressLaw | None = None
     title: str = ""
@@ -597,6 +658,7 @@ class Scene(_Shared):
         supports: "fixed" or "roller" by name of a one-dimensional group.
         ties: Ties, anchors and cables, by any name.
         floors: Floors and roofs that lie on the blocks, by any name.
+        soil: Soil that pushes back on outer sides, by any name.
         seismic: The seismic check to make; None: none.
         plane: "strain" or "stress".
         thickness: Of the structure, m, for forces that people read; results are per metre of it.
@@ -763,6 +825,9 @@ class Scene(_Shared):
             text = f"{key} = '{end}': {source} has no one-dimensional group '{end}'"
             there = not isinstance(end, str) or end in facets
             require(there, f"{text}; it has {_listed(facets)}; or give a place by x and y")
+        for name, soil in self.soil.items():
+            text = f"soil.{name}.at = '{soil.at}': {source} has no one-dimensional group"
+            require(soil.at in facets, f"{text} '{soil.at}'; it has {_listed(facets)}")
         held = sorted([*self.foundations, *self.supports])
         for name in sorted(self.dead.movement):
             text = f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation"
@@ -798,7 +863,8 @@ class Scene(_Shared):
         dilating = ", ".join(f"{name}.dilatancy" for name, law in laws if law.dilatancy)
         bonded = ", ".join(f"{name}.tensile_strength" for name, law in laws if law.tensile_strength)
         losing = ", ".join(f"{name}.opened" for name, law in laws if law.loses)
-        ties = ", ".join(f"ties.{name}" for name in self.ties)
+        named = [*(f"ties.{n}" for n in self.ties), *(f"soil.{n}" for n in self.soil)]
+        ties = ", ".join(named)
         method = f"solve.method = '{solve.method}' knows no"
         by_forces = solve.method in BY_JOINT_FORCES
         lost = f"{losing}: what is lost depends on the way of the load; it cannot be used with"
@@ -838,7 +904,7 @@ class Scene(_Shared):
         ]
         others += ["loads.live.profile"] * (live.profile != "uniform")
         others += ["seismic"] * (self.seismic is not None)
-        others += [f"ties.{name}" for name in self.ties]
+        others += [f"ties.{name}" for name in self.ties] + [f"soil.{name}" for name in self.soil]
         strengths = ("cohesion", "bound", "tensile_strength", "compressive_strength")
         named: dict[str, Any] = {f"materials.{name}": one for name, one in self.materials.items()}
         others += [

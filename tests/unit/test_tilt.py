@@ -35,6 +35,7 @@ def test_block_slides_at_its_friction_and_topples_at_its_width_over_its_height(f
     angle = math.degrees(math.atan(tangent))
     record = result_record(result)
     assert result.load_factor == pytest.approx(tangent, rel=1e-6)
+    assert result.tilt_angle == record["tilt_angle"]
     assert record["tilt_angle"] == pytest.approx(angle, rel=1e-6)
     assert record["tilt_angle_negative"] == pytest.approx(-angle, rel=1e-6)
     text = summary(result)

@@ -1,0 +1,116 @@
+"""Soil that pushes back, as bars between rigid ground and sides.
+
+With the vertical stress s the soil presses level on a side with p, k_a s <= p <= k_p s, and pushes
+more only where the side moves into it: the plastic law with these two bounds, rigid between them.
+The power of p against the velocity v of the side into the soil is max(k_p s v, k_a s v): a convex
+law, and as such part of every limit load and bound.
+
+k_a s is a force of the dead load (`loads.forces_of_soil`). What is more is the tension t of a bar,
+0 <= t <= Y, that pulls the side towards the inside (`ties`). There are two bars on every part of a
+facet, at Gauss' places, with Y = (k_p - k_a) s times their share of the height: exact for stresses
+that are linear in the depth, and motions that have one sign on the facet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.discretization.facets import GROUND, NO_NODE, Boundary, Stencil, lagrange
+from fenics_contact.discretization.loads import soil_strips, stress_of_soil
+from fenics_contact.discretization.ties import Ties
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene.scene import Scene
+
+#: Sides this far from level have no level pressure, as a part of their length.
+LEVEL = 1e-9
+
+
+@dataclass(frozen=True)
+class Places:
+    """Gauss' places on the sides that a soil lies against, shape (places, ...).
+
+    Attributes:
+        facet: Row of the boundary.
+        parameter: Place on the facet, 0 to 1.
+        position: m.
+        stress: Vertical stress times the height that the place stands for, N/m.
+        side: 1 where the soil is to the right, -1 to the left.
+    """
+
+    facet: Indices
+    parameter: Array
+    position: Array
+    stress: Array
+    side: Array
+
+
+def places_of_soil(scene: Scene, boundary: Boundary) -> dict[str, Places]:
+    """Places by name of the soil.
+
+    Raises:
+        InputError: As `loads.soil_strips`.
+    """
+    found = {}
+    abscissa = np.polynomial.legendre.leggauss(2)[0]  # both weights are 1
+    for name, strips in soil_strips(scene, boundary).items():
+        across = boundary.normal[strips.facets, 0]
+        upright = np.abs(across) > LEVEL
+        start, end, facet = (
+            values[upright] for values in (strips.start, strips.end, strips.facets)
+        )
+        parameter = start[:, None] + np.outer(end - start, 0.5 * (1.0 + abscissa))
+        first, second = boundary.points[facet, :2].swapaxes(0, 1)
+        position = first[:, None] + parameter[..., None] * (second - first)[:, None]
+        height = 0.5 * strips.length(boundary)[upright] * np.abs(across[upright])
+        stress = stress_of_soil(scene.soil[name], position[..., 1]) * height[:, None]
+        side = np.sign(across[upright])
+        found[name] = Places(
+            np.repeat(facet, 2),
+            parameter.ravel(),
+            position.reshape(-1, 2),
+            stress.ravel(),
+            np.repeat(side, 2),
+        )
+    return found
+
+
+def with_soil(ties: Ties, scene: Scene, boundary: Boundary) -> Ties:
+    """Bars of ties, and after them those of soil.
+
+    Raises:
+        InputError: As `loads.soil_strips`.
+    """
+    size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+    for name, places in places_of_soil(scene, boundary).items():
+        least, most = scene.soil[name].coefficients
+        yields = (most - least) * places.stress
+        acts = yields > 0.0
+        if not np.any(acts):
+            continue
+        facet = places.facet[acts]
+        count = int(acts.sum())
+        out = np.column_stack([places.side[acts], np.zeros(count)])
+        nodes = np.full((count, 2, boundary.nodes.shape[1]), NO_NODE)
+        nodes[:, 1] = boundary.nodes[facet]
+        weights = np.zeros(nodes.shape)
+        weights[:, 1] = lagrange(places.parameter[acts], boundary.nodes.shape[1])
+        position = places.position[acts]
+        body = boundary.body[facet]
+        none = np.zeros(count)
+        ties = ties.joined(
+            Ties(
+                names=(name,),
+                tie=np.zeros(count, dtype=np.int64),
+                bodies=np.column_stack([np.full_like(body, GROUND), body]),
+                sides=np.stack([position - size * out, position], axis=1),
+                stencil=Stencil(nodes, weights),
+                share=yields[acts] / yields.sum(),
+                yields=yields[acts],
+                compliance=none,
+                prestress=none,
+                soils=1,
+            )
+        )
+    return ties
