@@ -200,9 +200,9 @@ def _answer(result: Result, words: Wording) -> list[str]:
         form = f"{head} {{}} (verified{drawn})"
         amounts.setdefault(form, []).append(words.amount(end.load_factor, name))
     found = [form.format(", ".join(known)) for form, known in amounts.items()]
-    for name, end in result.ends.items():
-        if end.status != "limit":
-            found.append(_without_limit(end, result.reason(end), words, name))
+    others = {name: end for name, end in result.ends.items() if name not in limits}
+    lost = (_without_limit(end, result.reason(end), words, name) for name, end in others.items())
+    found += dict.fromkeys(lost)
     told: list[tuple[str, Line]] = []
     for name, end in limits.items():
         answers = [line for answer in end.told for line in answer.lines(end, words)]
@@ -212,8 +212,8 @@ def _answer(result: Result, words: Wording) -> list[str]:
         soils = soil_lines(soil_forces(result.layout, end.joints), words.units)
         told += [(name, line) for line in (*mine, *ties, *soils)]
     if states := [(name, line) for name, line in told if line.states]:
-        found.append("; ".join(words.merged(states)))
-    found += words.merged([(name, line) for name, line in told if not line.states])
+        found.append("; ".join(words.merged(states, limits)))
+    found += words.merged([(name, line) for name, line in told if not line.states], limits)
     if (curve := result.curve_end) and (curve.not_found or not curve.on_plateau):
         found.append(str(curve))
     found += _accuracy(result)[-1:]
@@ -290,7 +290,7 @@ def _details(result: Result, words: Wording) -> list[str]:
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), words)
         if end.status != "limit":
             ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
-            lines += words.merged([(direction, line) for line in ties])
+            lines += words.merged([(direction, line) for line in ties], [direction])
     lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += _accuracy(result)[:-1]

@@ -120,7 +120,7 @@ class Equilibrium(ServiceState, Pictured):
         if self.joint_values is not None:
             held = tension_lines(self.ties, words.units)
             held += soil_lines(soil_forces(self.layout, self.joint_values), words.units)
-            lines += words.merged([("positive", line) for line in held])
+            lines += words.merged([("", line) for line in held], [""])
         if not verbose:
             return "\n".join(lines)
         status = self.status.replace("_", " ")

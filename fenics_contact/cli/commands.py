@@ -161,7 +161,8 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
             print(f"stopped; what is in {folder} is kept: the same command goes on", flush=True)
         raise
     if loud:
-        print(f"{repr(found)[1:-1]}\nwritten to {folder}", flush=True)
+        lines = [repr(found)[1:-1], f"written to {folder}", _next("report", folder)]
+        print("\n".join(lines), flush=True)
     return max((EXIT_CODES | {WRONG_INPUT: BAD_INPUT})[point.status] for point in found)
 
 

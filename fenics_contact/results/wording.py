@@ -134,14 +134,17 @@ class Wording:
         whole = {1: math.ceil, -1: math.floor}.get(outward, round)(count)
         return f"{whole * 10.0 ** (exponent + 1 - digits):.{max(digits - 1 - exponent, 0)}f}"
 
-    def merged(self, told: Sequence[tuple[str, Line]]) -> list[str]:
-        """Lines, each with its direction, as text: those with one head are one."""
+    def merged(self, told: Sequence[tuple[str, Line]], of: Collection[str]) -> list[str]:
+        """Lines, each with its direction, as text: those with one head are one.
+
+        Directions are named where there are several (`of`) and they differ.
+        """
         found = []
         for head in dict.fromkeys(line.head for _, line in told):
             parts = [(name, line) for name, line in told if line.head == head]
             first = parts[0][1]
             texts = [line.text for _, line in parts]
-            if self.both and (len(parts) == 1 or len(set(texts)) > 1):
+            if len(of) > 1 and (len(parts) == 1 or len(set(texts)) > 1):
                 texts = [f"{line.text} {self.way(name)}".strip() for name, line in parts]
             else:
                 texts = texts[:1]
