@@ -1,6 +1,6 @@
 """Results that can be looked at: plots, a slider for notebooks, films; their stresses in UFL.
 
-Films are GIF, or MP4 by ffmpeg. A slider needs ipywidgets.
+Films are GIF, or MP4 by ffmpeg. A slider is that of the report.
 """
 
 from __future__ import annotations
@@ -9,8 +9,7 @@ import io
 import os
 import tempfile
 from abc import ABC, abstractmethod
-from dataclasses import replace
-from importlib.util import find_spec
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ from fenics_contact.output.plotting import (
     save,
     structure_figure,
 )
-from fenics_contact.output.view import View
+from fenics_contact.output.view import View, motion_record
 
 #: Of a film: pictures per second, so that motion looks smooth and files stay small; part of the
 #: time at the end in which nothing moves; pixels per inch, for some 900 pixels of width; its
@@ -42,9 +41,19 @@ from fenics_contact.output.view import View
 RATE, STILL, RESOLUTION, LONGEST = 15, 0.25, 110, 100.0
 #: Matplotlib's writers by ending of the file.
 WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
-#: Of a slider: pixels per inch, and steps. A picture of 100 blocks takes .2 s.
-SLIDER_RESOLUTION, STEPS = 80, 20
-IPYWIDGETS = "pip install ipywidgets 'matplotlib-inline<0.2', or apt install python3-ipywidgets"
+#: Part of the largest motion below which a block is not shaded as one that moves.
+STANDS = 1e-3
+
+
+@dataclass(frozen=True)
+class MovingPicture:
+    """Blocks that a slider moves, as HTML that needs no other file."""
+
+    html: str
+
+    def _repr_html_(self) -> str:
+        style = "<style>figure.moving svg { max-width: 40em; overflow: visible }</style>"
+        return f"{style}{self.html}"
 
 
 class Pictured(ABC):
@@ -151,42 +160,30 @@ class Pictured(ABC):
             raise OutputError(f"cannot write '{path}': {error}") from None
 
     @checked
-    def slider(self, scale: float = 1.0) -> Any:
-        """A picture for a notebook, with a slider that moves the blocks; needs ipywidgets.
+    def slider(self, scale: float = 1.0) -> MovingPicture | None:
+        """The blocks with a slider that moves them, for a notebook.
+
+        It is HTML and a script, and needs no kernel: it stays in a notebook that is exported.
 
         Args:
-            scale: As of `plot`; the slider goes up to this.
+            scale: As of `plot`, where the page opens; the slider goes up to 1.5 times this.
 
         Returns:
-            The widget on rank 0, else None. Collective.
+            The picture on rank 0, else None. Collective.
 
         Raises:
-            InputError: If ipywidgets is missing.
             SolverError: If there is nothing to draw.
         """
-        if find_spec("ipywidgets") is None:
-            raise InputError(f"a slider needs ipywidgets, which is not installed: {IPYWIDGETS}")
         view = self._scaled(scale)
         if self.layout.scene.comm.rank != 0:
             return None
-        import ipywidgets
+        from fenics_contact.output.report.answer import moving_figure
+        from fenics_contact.output.report.html import SCRIPT
 
-        axes = _moving_axes(view)
-
-        def picture(share: float) -> bytes:
-            file = io.BytesIO()
-            _draw_moment(axes, view, share)
-            axes.figure.savefig(file, format="png", dpi=SLIDER_RESOLUTION)
-            return file.getvalue()
-
-        def show(change: Any) -> None:
-            image.value = picture(change["new"])
-
-        image = ipywidgets.Image(value=picture(1.0), format="png")
-        style = {"min": 0.0, "max": 1.0, "step": 1.0 / STEPS, "description": "motion"}
-        moves = ipywidgets.FloatSlider(value=1.0, **style)
-        moves.observe(show, names="value")
-        return ipywidgets.VBox([moves, image])
+        motion = motion_record(view)
+        size = np.abs(motion["motions"]).max(axis=1)
+        moving = np.flatnonzero(size > STANDS * size.max()).tolist()
+        return MovingPicture(f"{moving_figure(motion, moving)}<script>{SCRIPT}</script>")
 
     def _repr_png_(self) -> bytes | None:
         """Motion and joint forces, for a notebook. Collective."""
