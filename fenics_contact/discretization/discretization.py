@@ -291,6 +291,13 @@ class Discretization(Layout, Closing):
     def _glue(self) -> None:
         """Add stiff springs between the nodes of blocks that are glued to K."""
         inside = find_joints(self.scene, self.boundary, inside=True)
+        held = np.isin(inside.stencil.nodes, self.supports.nodes).any(axis=(1, 2))
+        if self.scene.dead.movement and np.any(held):
+            x, y = np.round(inside.position[held][0], 9) + 0.0
+            raise InputError(
+                f"loads.dead.movement: at ({x:g}, {y:g}) a support holds a glued joint; draw the"
+                " blocks there as one"
+            )
         stiffness = self.elasticity.stiffness
         rows = joint_operators(inside, self.supports, stiffness)
         spring = GLUE * stiffness.getDiagonal().sum() / stiffness.getSize()[0]

@@ -69,7 +69,7 @@ UNITS: Mapping[str, str] = {
         "kg/m3": "density",
         "m": "gap spacing x y level displacement length width height",
         "m2": "area",
-        "degrees": "dilatancy tilt wall_friction rotation",
+        "degrees": "dilatancy tilt friction_angle wall_friction rotation",
         "m/s2": "body",
         "N/m3": "unit_weight",
         "N per metre of thickness": "force resultants",

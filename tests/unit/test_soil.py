@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fenics_contact import (
@@ -159,6 +160,38 @@ def test_soil_behind_an_arch_carries():
     faces = limit_load(replace(shallow_arch(fill), solve=engine))
     assert faces.load_factor <= whole.bounds.upper * (1.0 + 1e-6)
     assert faces.bounds.upper == pytest.approx(whole.bounds.upper, rel=1e-6)
+
+
+def test_arch_in_soil_by_the_power_of_its_mechanism():
+    """lambda = what weights and soil take up in the mode, where hinges do not slide.
+
+    The power of the soil, int max(k_p s w, k_a s w), by a thousand places on every side.
+    """
+    fill = Soil("extrados", 2.3, UNIT, ANGLE)
+    scene = shallow_arch(fill)
+    scene = replace(
+        scene,
+        joints={"default": coulomb(3.0)},
+        foundations={"springings": coulomb(3.0)},
+    )
+    result = limit_load(scene)
+    blocks, boundary = result.blocks, result.layout.boundary
+    mode, turn, centre = (blocks[name] for name in ("mode", "mode_rotation", "centre"))
+    area = blocks["area"]
+    taken = float(np.sum(STONE.density * GRAVITY * area * mode[:, 1]))
+    part = (np.arange(1000) + 0.5) / 1000.0
+    for row in np.flatnonzero(boundary.in_group("extrados")):
+        (first, second), (across, up) = boundary.points[row, :2], boundary.normal[row]
+        place = first + part[:, None] * (second - first)
+        arm = place - centre[boundary.body[row]]
+        body = boundary.body[row]
+        x, y = mode[body][:, None] + turn[body] * np.stack([-arm[:, 1], arm[:, 0]])
+        into = x * np.sign(across)
+        stress = UNIT * (2.3 - place[:, 1])
+        level = stress * abs(across) * np.where(into > 0.0, MOST, LEAST) * into
+        taken += boundary.length[row] * float(np.mean(level + stress * max(up, 0.0) * y))
+    assert result.load_factor == pytest.approx(taken, rel=1e-4)
+    assert result.bounds.lower == pytest.approx(result.load_factor, rel=1e-4)
 
 
 def test_soil_at_rest_is_between_its_bounds():

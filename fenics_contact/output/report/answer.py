@@ -206,7 +206,7 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     for name, tie in list((scene.get("ties") or {}).items())[:SHOWN]:
         yield f"tie {name}", _tie(tie, units)
     for one in list(record.get("soil") or [])[:SHOWN]:
-        least, most = (units.text(one[key], f"N {PER_METRE}") for key in ("active", "passive"))
+        least, most = (units.text(one[key], f"N {PER_METRE}", 4) for key in ("active", "passive"))
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"
 
 

@@ -58,6 +58,7 @@ _log = logging.getLogger("fenics_contact")
 PAGE = "report.html"
 #: Values that are not shown where they are not used: these keys with these values.
 UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened", "profile"}
+UNUSED |= {"glued", "off"}
 NOTHING = (0.0, [0.0, 0.0], "kept", "uniform")
 #: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
 PRESSURES = {"traction", "surcharge"}
@@ -182,6 +183,8 @@ def loads_and_groups(content: Content) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
     floors = {f"floor {name}": floor for name, floor in (scene.get("floors") or {}).items()}
     rows += _rows(floors, {**scene["units"], "force": "N/m2"}, units)
+    soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
+    rows += _rows(soils, scene["units"], units)
     for name, force in scene["resultants"].items():
         rows.append((name, "resultant", units.forces(force, 4)))
     yield table(rows, ("load", "what", "value"))
@@ -232,7 +235,7 @@ def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, st
     """Name, property and value of everything that was given in tables of one kind."""
 
     def told(key: str, value: object) -> tuple[str, str]:
-        unit = "N/m2" if key in PRESSURES else names.get(key, "")
+        unit = "N/m2" if key in PRESSURES else names.get(key, "") * (value is not True)
         return KEYS.get(key, key.replace("_", " ")), value_text(value, unit, units)
 
     for name, given in tables.items():
