@@ -84,6 +84,7 @@ def test_a_load_factor_of_0_is_0(friction, body):
     scene = on_ground(wall([[1.0], [1.0]], (1.0, 0.5)), ROUGH, live=Load(body), foundations=smooth)
     found = limit_load(replace(scene, solve=replace(scene.solve, direction="both")))
     assert (found.load_factor, found.load_factor_negative) == (0.0, 0.0)
-    text = found.summary()
-    assert text.count("= 0   bracket: between 0 and 0; no other collapse state exists") == 2
+    text = found.summary(verbose=True)
+    assert text.splitlines()[1] == "no other collapse state exists"
+    assert text.count("= 0   bracket: between 0 and 0") == 2
     assert not np.signbit([found.load_factor, found.load_factor_negative]).any()

@@ -131,7 +131,8 @@ def test_reversed_load_and_record():
     assert (record["range"]["lower"], record["range"]["upper"]) == pytest.approx(
         (-RANGE[1], -RANGE[0]), abs=1e-6
     )
-    told = summary(limit_load(recipe.scene(2, variant=Variant(mirrored=True), fast=False)))
+    mirrored = recipe.scene(2, variant=Variant(mirrored=True), fast=False)
+    told = summary(limit_load(mirrored), verbose=True)
     assert "load factor 0.2637, hinges of 100 mm as on this mesh; 0.27" in told
     assert "with 1 mm; 0.2795 with points" in told
     assert "this mechanism: 0.2637 at least, 0.3070 at most, whatever the mesh" in told

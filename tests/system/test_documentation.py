@@ -1,7 +1,7 @@
 """What the documentation says is so: its programs, commands and scenes run, its keys are there.
 
 `make docs` checks links. In the pages, blocks of code are of these kinds: `sh`, `python` and `toml`
-are run, `text` and a comment `load factor = ...` are what is printed, `py` is a sketch, `math` a
+are run, `text` and a comment `it collapses at ...` are what is printed, `py` is a sketch, `math` a
 formula. "Save this as `NAME`" before a block makes a file of it; other scenes are parts of one, and
 are checked.
 """
