@@ -14,8 +14,15 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError
-from fenics_contact.results.certificate import Certificate, certify, kinematic_factor
+from fenics_contact.results.certificate import (
+    Certificate,
+    certify,
+    kinematic_factor,
+    state_residuals,
+    tolerances,
+)
 from fenics_contact.search_options import SEARCH
+from fenics_contact.solvers.joint_stiffness import SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
 
@@ -31,6 +38,41 @@ class Verified:
     certificate: Certificate
 
 
+def is_collapse(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> bool:
+    """Whether a state passes its certificate, with its elastic mode and no more than a gap.
+
+    A state of equilibrium that misses the joint laws has no mode looked for.
+    """
+    allowed = tolerances()
+    missed = state_residuals(case.problem, state, scales)
+    if not all(value <= allowed[name] for name, value in missed.items()):
+        return False
+    try:
+        certificate = _by_elastic_mode(case, state, scales, tolerance).certificate
+    except SolverError:
+        return False
+    return certificate.passed and certificate.gap <= gap
+
+
+def _certified(
+    case: LoadCase, state: State, mode: Array, scales: Scales, rigid_limit: float, tolerance: float
+) -> Verified:
+    points = case.discretization.operators.points
+    certificate = certify(case.problem, state, mode, scales, rigid_limit, points)
+    return Verified(state, mode, replace(certificate, tolerance=tolerance))
+
+
+def _by_elastic_mode(case: LoadCase, state: State, scales: Scales, tolerance: float) -> Verified:
+    """The certificate with the motion that follows; `SolverError` where there is none."""
+    kkt = case.coulomb(state.work, scales)
+    if case.kind == SYMMETRIC:  # with the state's own friction as given, A is symmetric
+        kkt = case.given(case.problem.law.given(state.pressure), state.work, scales)
+    mode = rates(kkt, state)[0]
+    # It bounds the limit for the state's friction from above, the state's forces from below.
+    limit = kinematic_factor(case.problem, state, mode)
+    return _certified(case, state, mode, scales, limit, tolerance)
+
+
 def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
     """The collapse mode of a state, and their certificate.
 
@@ -39,15 +81,11 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
     """
 
     def certified(mode: Array, rigid_limit: float) -> Verified:
-        points = case.discretization.operators.points
-        certificate = certify(case.problem, state, mode, scales, rigid_limit, points)
-        return Verified(state, mode, replace(certificate, tolerance=tolerance))
+        return _certified(case, state, mode, scales, rigid_limit, tolerance)
 
     best: Verified | None = None
     try:
-        mode = rates(case.coulomb(state.work, scales), state)[0]
-        # It bounds the limit for the state's friction from above, the state's forces from below.
-        best = certified(mode, kinematic_factor(case.problem, state, mode))
+        best = _by_elastic_mode(case, state, scales, tolerance)
     except SolverError as error:
         _log.info("  no elastic mode: %s", error)
     passed = best is not None and best.certificate.mode_passed

@@ -6,6 +6,9 @@ where r_N(g) are the normal forces of the state with given friction g (L.A. Miha
 Comput. Struct. 88 (2010) 859). The relaxation omega follows the observed contraction by Aitken's
 formula for vectors (B.M. Irons, R.C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275); where the
 iteration cycles, omega is capped, lower and lower.
+
+It ends where the certificate of a pass says that its state is one with Coulomb friction: forces
+where nothing slips, and joints that carry next to nothing, may go on for long without a part in it.
 """
 
 from __future__ import annotations
@@ -68,6 +71,8 @@ class FixedPoint:
         problem: The structure.
         solve: Finds states with given friction.
         tolerance: On the load factor and on the bound, relative.
+        judge: Whether the state of a pass is a collapse state with Coulomb friction, by its own
+            certificate.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
     """
@@ -75,6 +80,7 @@ class FixedPoint:
     problem: ContactProblem
     solve: GivenFriction
     tolerance: float
+    judge: Callable[[State], bool]
     monitor: Callable[[Step], None]
     factorizations: Callable[[], int]
 
@@ -114,9 +120,12 @@ class FixedPoint:
             target = self.problem.law.given(solution.state.pressure)
             change = norm(target - bound) / (norm(target) or 1.0)
             omega = relaxation.next(target - bound, change)
-            steps.append(Step(factor, change, omega, counts[-1] - counts[-2], relaxation.secant))
+            before = steps[-1].bound_change if steps else 0.0
+            contraction = change / before if before else np.nan
+            spent = counts[-1] - counts[-2]
+            steps.append(Step(factor, change, omega, spent, relaxation.secant, contraction))
             self.monitor(steps[-1])
-            if self._converged(steps):
+            if self.judge(solution.state) or self._converged(steps):
                 return None
             return np.maximum(bound + omega * (target - bound), 0.0)
 

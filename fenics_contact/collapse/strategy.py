@@ -14,6 +14,7 @@ from functools import partial, wraps
 
 import numpy as np
 
+from fenics_contact.collapse.collapse_mode import is_collapse
 from fenics_contact.collapse.coulomb import FixedPoint
 from fenics_contact.collapse.load_case import Answer, Attempt, LoadingPath, Task, falling
 from fenics_contact.collapse.record import PathSample
@@ -269,9 +270,18 @@ def _iterated(task: Task, start: State, bound: Array, load_factor: float | None 
         kkt = case.given(bound, work, task.scales, load_factor)
         return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
 
+    def judge(state: State) -> bool:
+        return load_factor is None and _is_collapse(task, state)
+
     count = case.discretization.factorizations
-    iteration = FixedPoint(case.problem, solve, task.tolerance, case.monitor, count)
+    iteration = FixedPoint(case.problem, solve, task.tolerance, judge, case.monitor, count)
     return iteration.run(start, bound)
+
+
+def _is_collapse(task: Task, state: State) -> bool:
+    """Whether the certificate of a state says that it is the collapse, to the task's tolerance."""
+    gap = SEARCH.work_gap * task.tolerance
+    return is_collapse(task.case, state, task.scales, task.tolerance, gap)
 
 
 def joint_forces(task: Task, minimise: Minimiser) -> Answer:
@@ -297,7 +307,8 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 
         start = case.bonded_state(task.work)
         bound = case.problem.law.given(case.first_pressure)
-        iteration = FixedPoint(case.problem, solve, task.tolerance, case.monitor, count)
+        judge = partial(_is_collapse, task)
+        iteration = FixedPoint(case.problem, solve, task.tolerance, judge, case.monitor, count)
         solution, history = iteration.run(start, bound)
         return solution, replace(history, splitting=solver.history)
 

@@ -498,7 +498,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
             answer = collapse.answers.get(kind.name)
             record[kind.key] = answer and answer.record()
     steps = [step for one in history for step in one.steps]
-    names = ("load_factor", "bound_change", "relaxation", "factorizations")
+    names = ("load_factor", "bound_change", "contraction", "relaxation", "factorizations")
     iterations: Record = {
         "fixed_point": len(steps),
         "contraction": history[0].contraction if history else None,

@@ -26,6 +26,7 @@ class Step:
         relaxation: omega.
         factorizations: Numeric factorisations spent.
         secant: Estimate of 1 - c, c the contraction without relaxation.
+        contraction: `bound_change` over that of the iteration before; nan where there is none.
     """
 
     load_factor: LoadFactor
@@ -33,6 +34,7 @@ class Step:
     relaxation: float
     factorizations: int
     secant: float = 1.0
+    contraction: float = math.nan
 
 
 @dataclass(frozen=True)

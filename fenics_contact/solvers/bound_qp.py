@@ -9,8 +9,9 @@ that no tolerance depends on units, until the residual
 
 is small, or no further: the states that they lead to are judged by their own residuals.
 
-PETSc options under the prefix `fenics_contact_qp_` choose another solver: `tao_type`, for instance
-`tron` or `bnls`, or `snes_type`, `vinewtonrsls` or `vinewtonssls`, and what these know themselves.
+PETSc options choose another solver: `tao_type`, for instance `tron` or `bnls`, or `snes_type`,
+`vinewtonrsls` or `vinewtonssls`, and what these know themselves. Each program reads them under its
+own prefix, as in `-normal_tao_type tron`, and under `fenics_contact_qp_`, which is that of all.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import InputError, SolverError
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
-PREFIX = "fenics_contact_qp_"
+#: Prefix of options for all programs; those under a program's own come first.
+ALL = "fenics_contact_qp_"
 
 #: Iterations at most, and bounds that are none to PETSc.
 MAX_ITERATIONS = 400
@@ -35,12 +37,18 @@ UNBOUNDED = 1e20
 class BoundQP(Closing):
     """The programs of one operator, with any b and bounds; frees its objects in a `with`."""
 
-    def __init__(self, operator: PETSc.Mat) -> None:
+    def __init__(self, operator: PETSc.Mat, prefix: str = ALL) -> None:
         """Scale the operator A, which is assembled and stays the caller's.
+
+        Args:
+            operator: A.
+            prefix: Of the PETSc options that these programs read.
 
         Raises:
             SolverError: If its diagonal is not positive.
         """
+        self._prefix = prefix
+        self._asked: dict[str, str] = {}
         with Owner() as owner:
             unit = owner.own(operator.getDiagonal())
             if not unit.min()[1] > 0.0:
@@ -72,7 +80,7 @@ class BoundQP(Closing):
             start: First x, moved into the bounds.
             tolerance: On the residual.
         """
-        b, low, high, x, value = self._vectors
+        b, low, high, x, _ = self._vectors
         b.array[:] = right * self._unit
         size = float(b.norm(PETSc.NormType.INFINITY)) or 1.0
         b.scale(1.0 / size)
@@ -80,38 +88,62 @@ class BoundQP(Closing):
         low.array[:] = np.clip(lower / scale, -UNBOUNDED, UNBOUNDED)
         high.array[:] = np.clip(upper / scale, -UNBOUNDED, UNBOUNDED)
         x.array[:] = np.clip(start / scale, low.array_r, high.array_r)
-        by_snes = PETSc.Options(PREFIX).hasName("snes_type")
-        with Owner() as owner, suppress(PETSc.Error):  # a singular matrix, for instance
-            if by_snes:
-                # The Newton step is often not one of descent at full length: of PETSc's line
-                # searches only "bt" stops the active set from cycling.
-                with _defaults(snes_linesearch_type="bt", ksp_type="preonly", **self._factor):
-                    snes = owner.own(PETSc.SNES().create(self._given.comm))
-                    snes.setOptionsPrefix(PREFIX)
-                    snes.setFunction(self._gradient, value)
-                    snes.setJacobian(self._renew, self._given, self._given)
-                    snes.setVariableBounds(low, high)
-                    snes.setTolerances(0.0, 0.1 * tolerance, 0.0, MAX_ITERATIONS)
-                    snes.setFromOptions()
-                    snes.solve(None, x)
-                    return x.array_r * scale
-            # The Newton types ("bn...") solve with their free variables directly: conjugate
-            # gradients lose the digits of nearly dependent joint points.
-            linear = {f"tao_bnk_{name}": text for name, text in self._factor.items()}
-            with _defaults(tao_bnk_ksp_rtol="1e-12", ksp_rtol="1e-12", **linear):
-                tao = owner.own(PETSc.TAO().create(self._given.comm))
-                tao.setOptionsPrefix(PREFIX)
-                tao.createPython(_Faces(self._operator, b.array_r, self._factor), tao.comm)
-                tao.setObjective(self._objective)
-                tao.setGradient(self._gradient, None)
-                tao.setHessian(self._renew, self._given, self._given)
-                tao.setVariableBounds((low, high))
-                tao.setMaximumIterations(MAX_ITERATIONS)
-                tao.setTolerances(gatol=0.1 * tolerance, grtol=0.0, gttol=0.0)
-                tao.setSolution(x)
-                tao.setFromOptions()
-                tao.solve()
+        self._asked = _given(ALL) | _given(self._prefix)
+        with Owner() as owner, _defaults(self._prefix, **self._asked):
+            by = self._by_snes if "snes_type" in self._asked else self._by_tao
+            by(owner, 0.1 * tolerance)
         return x.array_r * scale
+
+    def _by_snes(self, owner: Owner, tolerance: float) -> None:
+        """Solve with a variational inequality solver of SNES, from x, which becomes the answer.
+
+        The Newton step is often not one of descent at full length: of PETSc's line searches only
+        "bt" stops the active set from cycling.
+        """
+        _, low, high, x, value = self._vectors
+        linear = {"ksp_type": "preonly", **self._factor}
+        with _defaults(self._prefix, snes_linesearch_type="bt", **linear):
+            snes = owner.own(PETSc.SNES().create(self._given.comm))
+            snes.setOptionsPrefix(self._prefix)
+            snes.setFunction(self._gradient, value)
+            snes.setJacobian(self._renew, self._given, self._given)
+            snes.setVariableBounds(low, high)
+            snes.setTolerances(0.0, tolerance, 0.0, MAX_ITERATIONS)
+            self._configure(snes)
+            with suppress(PETSc.Error):  # a singular matrix, for instance
+                snes.solve(None, x)
+
+    def _by_tao(self, owner: Owner, tolerance: float) -> None:
+        """Solve with TAO, from x, which becomes the answer.
+
+        Its Newton types ("bn...") solve with their free variables directly: conjugate gradients
+        lose the digits of nearly dependent joint points.
+        """
+        b, low, high, x, _ = self._vectors
+        linear = {f"tao_bnk_{name}": text for name, text in self._factor.items()}
+        exact = {"tao_bnk_ksp_rtol": "1e-12", "ksp_rtol": "1e-12"}
+        with _defaults(self._prefix, **exact, **linear):
+            faces = _Faces(self._operator, b.array_r, self._factor, self._prefix)
+            tao = owner.own(PETSc.TAO().createPython(faces, self._given.comm))
+            tao.setOptionsPrefix(self._prefix)
+            tao.setObjective(self._objective)
+            tao.setGradient(self._gradient, None)
+            tao.setHessian(self._renew, self._given, self._given)
+            tao.setVariableBounds((low, high))
+            tao.setMaximumIterations(MAX_ITERATIONS)
+            tao.setTolerances(gatol=tolerance, grtol=0.0, gttol=0.0)
+            tao.setSolution(x)
+            self._configure(tao)
+            with suppress(PETSc.Error):
+                tao.solve()
+
+    def _configure(self, solver: PETSc.TAO | PETSc.SNES) -> None:
+        """Take the user's options; `InputError` where PETSc does not know what they name."""
+        try:
+            solver.setFromOptions()
+        except PETSc.Error as error:
+            names = ", ".join(f"-{self._prefix}{name} {text}" for name, text in self._asked.items())
+            raise InputError(f"PETSc does not take all of these options: {names}") from error
 
     def _objective(self, _solver: PETSc.TAO, at: PETSc.Vec) -> float:
         """1/2 x.A x - b.x."""
@@ -138,7 +170,10 @@ class _Faces:
     release bounds after every Newton step take many times as many where A is badly conditioned.
     """
 
-    def __init__(self, operator: SparseMap, right: Array, factor: dict[str, str]) -> None:
+    def __init__(
+        self, operator: SparseMap, right: Array, factor: dict[str, str], prefix: str
+    ) -> None:
+        self._prefix = prefix
         self._operator = operator
         self._right = right
         self._factor = factor
@@ -205,9 +240,9 @@ class _Faces:
             right, solution = (owner.own(vector) for vector in block.createVecs())
             right.array[:] = -gradient[inside]
             solver = owner.own(PETSc.KSP().create(matrix.comm))
-            solver.setOptionsPrefix(PREFIX)
+            solver.setOptionsPrefix(self._prefix)
             solver.setOperators(block)
-            with _defaults(ksp_type="preonly", **self._factor):
+            with _defaults(self._prefix, ksp_type="preonly", **self._factor):
                 solver.setFromOptions()
             solver.solve(right, solution)
             if solver.getConvergedReason() > 0:  # or else there is no minimum
@@ -220,10 +255,15 @@ def _total(operator: SparseMap, a: Array, b: Array) -> float:
     return float(operator.comm.allreduce(float(a @ b)))
 
 
+def _given(prefix: str) -> dict[str, str]:
+    """PETSc options that the user gives under a prefix, without it."""
+    return dict(PETSc.Options(prefix).getAll())
+
+
 @contextmanager
-def _defaults(**values: str) -> Iterator[None]:
-    """PETSc options under the prefix where the user gives none, removed again on leaving."""
-    table = PETSc.Options(PREFIX)
+def _defaults(prefix: str, **values: str) -> Iterator[None]:
+    """PETSc options under a prefix where the user gives none, removed again on leaving."""
+    table = PETSc.Options(prefix)
     new = {name: value for name, value in values.items() if not table.hasName(name)}
     for name, value in new.items():
         table.setValue(name, value)

@@ -63,6 +63,9 @@ Residuals = Callable[[ContactProblem, State, Scales, Array], Mapping[str, float]
 NORMAL = (0,)
 TANGENTIAL = (1,)
 BOTH = (0, 1)
+#: Prefixes of PETSc options by these kinds, and of those for K_rho.
+PREFIXES = {NORMAL: "normal_", TANGENTIAL: "shear_", BOTH: "joint_"}
+HOLD_PREFIX = "hold_"
 
 #: Relative rounding of programs: no tolerance is smaller.
 ROUNDING = 1e-12
@@ -113,6 +116,8 @@ class DelassusOperator(Closing):
             self._solver.setType(PETSc.KSP.Type.PREONLY)
             self._solver.getPC().setType(PETSc.PC.Type.CHOLESKY)
             self._solver.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+            self._solver.setOptionsPrefix(HOLD_PREFIX)
+            self._solver.setFromOptions()
             self._solver.setOperators(stiffness)
             self._solver.getPC().setUp()
             self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
@@ -171,7 +176,8 @@ class DelassusOperator(Closing):
                 comm = self.matrix.matrix.comm
                 places = owner.own(PETSc.IS().createGeneral(chosen.astype(PETSc.IntType), comm))
                 block = owner.own(self.matrix.matrix.createSubMatrix(places, places))
-                self._programs[kinds] = rows, self._owner.enter_context(BoundQP(block))
+                program = BoundQP(block, PREFIXES[kinds])
+                self._programs[kinds] = rows, self._owner.enter_context(program)
         return self._programs[kinds]
 
     def _response(self, forces: Array) -> Array:

@@ -29,6 +29,8 @@ Integers = npt.NDArray[np.int32]
 #: Factorisations: A without coupling, and any A.
 SYMMETRIC = PETSc.PC.Type.CHOLESKY
 GENERAL = PETSc.PC.Type.LU
+#: Prefix of PETSc options for the first; that of the second goes by size.
+SYMMETRIC_PREFIX = "fenics_contact_symmetric_"
 
 
 #: MUMPS for `GENERAL` factorisations: no pivoting, no scaling, no permutation, the determinant, and
@@ -216,14 +218,14 @@ class JointStiffness(Closing):
         preconditioner.setType(self._kind)
         preconditioner.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         solver.setOperators(self._matrix)
+        small = self._matrix.getSize()[0] <= SEARCH.large_system
+        prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
+        solver.setOptionsPrefix(prefix if self._kind == GENERAL else SYMMETRIC_PREFIX)
         if self._kind == GENERAL:
             pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
             values = {**PLAIN, "cntl_4": float(pivot)}
-            small = self._matrix.getSize()[0] <= SEARCH.large_system
-            prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:
                 values["icntl_7"] = MINIMUM_FILL
-            solver.setOptionsPrefix(prefix)
             table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
             for name, value in values.items():
                 table[f"mat_mumps_{name}"] = value

@@ -18,7 +18,9 @@ DEMOS = sorted((ROOT / "demos").glob("[0-9]*.py"))
 
 #: Demos that are quick on two ranks.
 PARALLEL = [
-    path for path in DEMOS if path.stem[:2] in ("01", "02", "06", "07", "14", "15", "16", "17")
+    path
+    for path in DEMOS
+    if path.stem[:2] in ("01", "02", "06", "07", "14", "15", "16", "17", "19")
 ]
 
 

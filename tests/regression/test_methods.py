@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -13,6 +14,8 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, limit_load
 from tests.bank import BANK, coulomb, wall_recipe
+from tests.system.program import result as outcome
+from tests.system.program import run, write_scene
 
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
 JOINT_METHODS = ("splitting", "active-set")  # whose unknowns are joint forces
@@ -86,10 +89,57 @@ def test_fixed_point_alone_ends_in_the_same_state(name, tmp_path):
     assert 0.0 < record["iterations"]["contraction"] < 1.0
 
 
+@pytest.mark.parametrize(
+    ("name", "friction", "elements", "most"),
+    [("W3", 0.65, 2, 18), ("W4", 0.65, 2, 30), ("W2", 1.0, 1, 50)],
+)
+def test_fixed_point_ends_where_its_certificate_says_so(name, friction, elements, most):
+    """The last digits of the friction bound, which the load factor does not need, may take 400."""
+    recipe = wall_recipe(name, coulomb(friction))
+    result = solved(recipe.scene(elements, method="fixed-point", fast=True))
+    (history,) = result.positive.history
+    assert len(history.steps) <= most
+    assert history.steps[-1].contraction == pytest.approx(
+        history.steps[-1].bound_change / history.steps[-2].bound_change
+    )
+    known = {"W3": 0.3558174, "W4": 0.2637363, "W2": 0.6056877}
+    assert result.load_factor == pytest.approx(known[name], rel=1e-6)
+
+
 @pytest.mark.parametrize("strength", [0.5, 2, 8])
 def test_static_and_kinematic_bounds_meet_with_given_friction(strength, tmp_path):
     record = recorded(BANK[f"W1 tresca {strength} kPa"].scene(), tmp_path)
     assert record["static_factor"] == pytest.approx(record["kinematic_factor"], rel=1e-6)
+
+
+# Options of PETSc
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        ("-normal_tao_type bncg -normal_tao_view", "Tao Object: (normal_) .*\n  type: bncg"),
+        ("-shear_snes_type vinewtonrsls -shear_snes_view", "(shear_) .*\n  type: vinewtonrsls"),
+        ("-fenics_contact_qp_tao_type bnls -shear_tao_view", "(shear_) .*\n  type: bnls"),
+        ("-joint_tao_view", "Tao Object: (joint_) "),
+        ("-hold_ksp_view", "KSP Object: (hold_) "),
+    ],
+)
+def test_petsc_options_of_both_subproblems(options, shown, tmp_path, monkeypatch):
+    write_scene(tmp_path, {"solve.method": "splitting"}, mesh="wall")
+    monkeypatch.setenv("PETSC_OPTIONS", options)
+    found = run(["solve", "scene.toml", "--fast"], tmp_path)
+    assert found.code == 0, found.out + found.err
+    assert re.search(re.sub(r"[()]", r"\\\g<0>", shown), found.out)
+    assert outcome(tmp_path / "scene")["load_factor"] == pytest.approx(0.3, rel=1e-5)
+
+
+def test_a_solver_that_petsc_does_not_know_is_named(tmp_path, monkeypatch):
+    write_scene(tmp_path, {"solve.method": "splitting"}, mesh="wall")
+    monkeypatch.setenv("PETSC_OPTIONS", "-shear_tao_type fast")
+    found = run(["solve", "scene.toml", "--fast"], tmp_path)
+    assert found.code == 2
+    assert "-shear_tao_type fast" in found.err
 
 
 # Load control
