@@ -73,14 +73,16 @@ class Progress:
         self._show(direction, min(max(share, 0.0), 1.0), text, f"{point.phase}  {text}")
 
     def step(self, direction: str, step: Step) -> None:
-        """Show one fixed-point iteration."""
+        """Show one pass of the fixed point."""
         self._count = self._count + 1 if direction == self._name else 1
         gained = min(max(-math.log10(max(step.bound_change, 1e-300)), 0.0), self._digits)
         sign = -1.0 if direction == "negative" else 1.0
         text = f"load factor {sign * step.load_factor:.8g}"
+        known = math.isfinite(step.contraction)
+        contraction = f"  contraction {step.contraction:.2f}" if known else ""
         more = (
-            f"iteration {self._count:3d}  {text}"
-            f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
+            f"pass {self._count:3d}  {text}  change of the bound {step.bound_change:.1e}"
+            f"{contraction}  factorisations {step.factorizations}"
         )
         self._show(direction, gained / self._digits, text, more)
 

@@ -18,7 +18,7 @@ import pytest
 from tests.system.program import TIMEOUT, command, environment, run, stop, write_scene
 
 ITERATION = re.compile(
-    r"^(positive|negative): iteration +(\d+)  load factor (\S+)  change of", re.M
+    r"^(positive|negative): pass +(\d+)  load factor (\S+)  change of the bound", re.M
 )
 PERCENTAGE = re.compile(r"\r\x1b\[K *(\d+)%  load factor ")
 
