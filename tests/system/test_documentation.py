@@ -39,6 +39,7 @@ RUN = ("sh", "python", "toml")
 SLOW = ("README.md", "docs/tutorial.md", "docs/sweep.md", "docs/python.md", "docs/scene.md")
 #: Commands that install, or prepare the shell.
 NOT_RUN = ("make", "source", "export", "docker", "conda", "pip")
+REFERENCE = ROOT / "docs" / "reference.md"
 #: All pictures of the gallery, bytes.
 SMALL = 400_000
 
@@ -211,6 +212,8 @@ def test_scene_reference_has_all_keys():
 def test_python_page_has_all_names():
     text = (ROOT / "docs" / "python.md").read_text()
     assert [name for name in fenics_contact.__all__ if f"`{name}`" not in text] == []
+    listed = re.findall(r"^::: fenics_contact\S*\.(\w+)$", REFERENCE.read_text(), flags=re.M)
+    assert set(fenics_contact.__all__) - {"__version__"} <= set(listed)
 
 
 def test_gallery_shows_all_demos_in_small_pictures():
