@@ -35,6 +35,7 @@ from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import tolerances
+from fenics_contact.results.parts import moving_parts, parts_in_words
 from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
 from fenics_contact.results.values import (
     NamedArrays,
@@ -432,7 +433,11 @@ def _end_record(result: Result, end: Collapse) -> Record:
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
         found = mechanism(result.layout, end.mode, end.joints)
+        parts = moving_parts(result.layout, end.mode, end.joints, found.moving)
+        ties = tie_arrays(result.layout, end.joints)
         moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
+        moves["parts"] = [vars(one) for one in parts]
+        moves["words"] = parts_in_words(parts, result.scene.mesh.body_count, ties)
     units = result.scene.units.of_report
     answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]

@@ -1,0 +1,182 @@
+"""A collapse mode in words: which parts move as one, how, and where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.discretization.layout import Layout
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.results.bounds import counted
+from fenics_contact.results.values import Contact, JointValues, NamedArrays, TieState
+
+#: Blocks whose joint opens or slides by up to this part of the largest speed are told of as one.
+AS_ONE = 0.01
+#: A part spans a structure from this part of its width or height on.
+SPANS = 0.7
+#: Its middle is in the middle of the structure this near to it, over width or height.
+MIDDLE = 0.12
+#: A part shifts where it turns by less than this, relative to its motion: over its half diagonal.
+SHIFTS = 0.1
+#: A part rocks about a corner where the centre of its turn is this near to it, over its diagonal.
+NEAR = 0.12
+#: Motions steeper than this tangent go up or down, those less steep than its inverse sideways.
+STEEP = 2.4
+#: Parts that a sentence names.
+NAMED = 4
+
+
+@dataclass(frozen=True)
+class Part:
+    """Blocks that move as one.
+
+    Attributes:
+        blocks: Their numbers.
+        place: Where they are in the structure; empty for a part that spans it.
+        motion: What they do.
+        area: Of all of them, m2.
+    """
+
+    blocks: list[int]
+    place: str
+    motion: str
+    area: float
+
+
+def rigid_parts(layout: Layout, motion: Array, centre: Array, as_one: float) -> Indices:
+    """Number of the rigid part of every block: blocks that touch and move as one share it.
+
+    Args:
+        layout: Of the blocks.
+        motion: Displacements and rotations of all blocks about their centres, shape (blocks, 3).
+        centre: Shape (blocks, 2), m.
+        as_one: Blocks whose joint opens or slides by up to this part of the largest speed do so.
+    """
+    joints = layout.joints.without_ties()
+    between = np.all(joints.bodies >= 0, axis=1)
+    sides = joints.bodies[between]
+    arm = joints.position[between][:, None] - centre[sides]
+    turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    velocity = motion[sides][..., :2] + motion[sides][..., 2:] * turned
+    fastest = np.linalg.norm(velocity, axis=-1).max(initial=0.0)
+    parted = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1)
+    pairs, pair = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    most = np.zeros(len(pairs))
+    np.maximum.at(most, pair.ravel(), parted)
+    return connected(pairs[most <= as_one * fastest], len(centre))
+
+
+def moving_parts(
+    layout: Layout, mode: Array, values: JointValues, moving: Sequence[int]
+) -> list[Part]:
+    """Parts of the blocks that move in a collapse mode, the largest first. Collective.
+
+    Args:
+        layout: Of the blocks.
+        mode: This rank's part in the supports' coordinates.
+        values: Of the joints.
+        moving: Numbers of the blocks that move.
+    """
+    motion = layout.centroid_motions(mode)
+    part = rigid_parts(layout, motion, layout.centroid, AS_ONE)
+    boxes = _boxes(layout)
+    joints = layout.joints.without_ties()
+    slips = values.first(layout.joints.joint_count).contact == Contact.SLIP
+    area = layout.boundary.areas(layout.bodies.centre)
+    found = []
+    for number in np.unique(part[list(moving)]):
+        blocks = np.flatnonzero(part == number)
+        share = area[blocks, None] / area[blocks].sum()
+        centre = np.sum(share * layout.centroid[blocks], axis=0)
+        box = np.vstack([boxes[blocks, :2].min(axis=0), boxes[blocks, 2:].max(axis=0)])
+        inside = np.isin(joints.bodies, blocks)
+        slides = bool(np.any(slips & (inside[:, 0] != inside[:, 1])))
+        one = int(blocks[np.argmax(area[blocks])])
+        turn = float(np.sum(share[:, 0] * motion[blocks, 2]))
+        arm = centre - layout.centroid[one]
+        velocity = motion[one, :2] + turn * np.array([-arm[1], arm[0]])
+        told = _motion(velocity, turn, centre, box, slides)
+        found.append(Part(blocks.tolist(), _place(box, boxes), told, float(area[blocks].sum())))
+    return sorted(found, key=lambda one: -one.area)
+
+
+def _boxes(layout: Layout) -> Array:
+    """Least x and y, and largest x and y, of every body, shape (bodies, 4). Collective."""
+    place = layout.centroid[layout.node_body] + layout.arm
+    largest = np.full((len(layout.centroid), 4), -np.inf)
+    np.maximum.at(largest, layout.node_body, np.column_stack([-place, place]))
+    layout.scene.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    return largest * [-1.0, -1.0, 1.0, 1.0]
+
+
+def _place(box: Array, boxes: Array) -> str:
+    """Where a box is among all boxes, in words."""
+    low = boxes[:, :2].min(axis=0)
+    size = boxes[:, 2:].max(axis=0) - low
+    middle = (box.mean(axis=0) - low) / size - 0.5
+    spans = box[1] - box[0] > SPANS * size
+    words = []
+    for axis, names in ((1, ("lower", "middle", "upper")), (0, ("left", "middle", "right"))):
+        side = int(np.sign(middle[axis])) if abs(middle[axis]) > MIDDLE else 0
+        words.append("" if spans[axis] else names[side + 1])
+    if words.count("middle") == 1 and all(words) and words[0] == "middle":
+        words[0] = ""
+    return " ".join(dict.fromkeys(word for word in words if word))
+
+
+def _motion(velocity: Array, turn: float, centre: Array, box: Array, slides: bool) -> str:
+    """What a part does, from the velocity of its centre and its turn."""
+    across, up = velocity
+    half = 0.5 * float(np.linalg.norm(box[1] - box[0]))
+    pace = float(np.linalg.norm(velocity))
+    if abs(turn) * half < SHIFTS * pace:
+        sideways = ("right" if across > 0.0 else "left") if abs(up) < STEEP * abs(across) else ""
+        upright = ("up" if up > 0.0 else "down") if abs(across) < STEEP * abs(up) else ""
+        verb = "slides" if slides else "moves"
+        return f"{verb} {upright}{' ' * bool(upright and sideways)}{f'to the {sideways}' * bool(sideways)}"
+    side = "left" if turn > 0.0 else "right"
+    pole = centre + np.array([-up, across]) / turn
+    corners = {
+        f"{upright} {sideways}": np.array([box[column, 0], box[row, 1]])
+        for row, upright in enumerate(("lower", "upper"))
+        for column, sideways in enumerate(("left", "right"))
+    }
+    corner, place = min(corners.items(), key=lambda one: math.dist(one[1], pole))
+    if math.dist(place, pole) <= NEAR * 2.0 * half:
+        return f"rocks to the {side} about its {corner} corner"
+    return f"turns to the {side}"
+
+
+def parts_in_words(parts: Sequence[Part], total: int, ties: NamedArrays) -> str:
+    """A collapse in one sentence: the largest parts and what they do, and ties that yield."""
+    told: list[str] = []
+    alike: dict[tuple[str, str], list[Part]] = {}
+    for part in parts:
+        alike.setdefault((part.place, part.motion), []).append(part)
+    for (place, motion), those in list(alike.items())[:NAMED]:
+        blocks = [block for one in those for block in one.blocks]
+        if len(blocks) == total and len(those) == 1:
+            name = "the whole structure" if total > 1 else "the block"
+        elif len(blocks) == 1:
+            name = f"the {place} block" if place else f"block {blocks[0]}"
+        elif len(those) == 1:
+            name = f"the {place or 'main'} part ({len(blocks)} blocks)"
+        else:
+            name = f"{len(those)} parts {place or 'over all of it'}"
+            for verb in ("slides", "moves", "rocks", "turns"):
+                motion = motion.replace(verb, verb[:-1])
+            motion = motion.replace("its ", "their ").replace(" corner", " corners")
+        told.append(f"{name} {motion}")
+    rest = sum(map(len, list(alike.values())[NAMED:]))
+    told += [f"{counted(rest, 'smaller part')} move{'s' * (rest == 1)} between these"] if rest else []
+    if "state" in ties:
+        yielding = [n for n, s in zip(ties["name"], ties["state"], strict=True) if s == TieState.YIELDS]
+        if yielding:
+            plural = len(yielding) > 1
+            told.append(f"tie{'s' * plural} {', '.join(yielding)} yield{'s' * (not plural)}")
+    return ", ".join(told)
