@@ -184,16 +184,21 @@ TRIED = re.compile(" search |no state|the path |allowed")
 
 def summary(result: Result, verbose: bool = False) -> str:
     """What was found, in some five lines; with all that is known of it, if that is wished."""
-    lines = _answer(result, result.wording)
+    found, more = answer(result, result.wording)
+    lines = [*found, *more]
     if verbose:
         lines += ["", *_details(result, result.wording)]
     return "\n".join(lines)
 
 
-def _answer(result: Result, words: Wording) -> list[str]:
-    """The lines for everybody."""
+def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
+    """What was found, in lines for everybody.
+
+    Returns:
+        The collapse, or why none is known; other states, ranges, and what else was asked.
+    """
     if result.status == "unstable":
-        return [f"it does not stand under its dead load: {result.reason().partition(': ')[2]}"]
+        return [f"it does not stand under its dead load: {result.reason().partition(': ')[2]}"], []
     limits = result.limits
     amounts: dict[str, list[str]] = {}
     for name, end in limits.items():
@@ -213,19 +218,20 @@ def _answer(result: Result, words: Wording) -> list[str]:
         ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
         soils = soil_lines(soil_forces(result.layout, end.joints), words.units)
         told += [(name, line) for line in (*mine, *ties, *soils)]
+    more: list[str] = []
     if states := [(name, line) for name, line in told if line.states]:
-        found.append("; ".join(words.merged(states, limits)))
-    found += words.merged([(name, line) for name, line in told if not line.states], limits)
+        more.append("; ".join(words.merged(states, limits)))
+    more += words.merged([(name, line) for name, line in told if not line.states], limits)
     if (curve := result.curve_end) and (curve.not_found or not curve.on_plateau):
-        found.append(str(curve))
-    found += _accuracy(result)[-1:]
-    found += [
+        more.append(str(curve))
+    more += _accuracy(result)[-1:]
+    more += [
         f"warning: {text}"
         for end in limits.values()
         for text in (end.pressed, end.contradiction)
         if text
     ]
-    return found
+    return found, more
 
 
 def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -> str:

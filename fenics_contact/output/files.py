@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.console import answer
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, plain
@@ -377,6 +378,8 @@ def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
     collapse = result.collapse
     scene = result.scene
+    words = replace(result.wording, units=scene.units.of_report)
+    found, more = answer(result, words)
     kinds = Answer.kinds.values()
     ends = {name: _end_record(result, end) for name, end in result.ends.items()}
     details = {name: _collapse_record(result, end) for name, end in result.ends.items()}
@@ -385,6 +388,7 @@ def result_record(result: Result) -> Record:
     record: Record = {
         "status": result.status,
         "title": scene.title,
+        "answer": {"question": words.question, "found": found, "more": more},
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
         "tilt_angle": scene.tilt_angle(result.load_factor),

@@ -120,6 +120,8 @@ WITHOUT_PATH = (
     "rigid blocks with elastic faces: no error by a mesh; what elastic blocks carry on the way to"
     " this collapse was not followed"
 )
+#: Of what the verification says, too.
+FROM_RIGID = "difference from rigid blocks with the friction forces of this state"
 #: Of the lowest state, wherever it is told.
 SELF_STRESS = "with any self-stress in the blocks"
 NOT_FROM_REST = "blocks that are loaded from rest need not reach it"

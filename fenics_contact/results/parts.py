@@ -138,7 +138,7 @@ def _motion(velocity: Array, turn: float, centre: Array, box: Array, slides: boo
         sideways = ("right" if across > 0.0 else "left") if abs(up) < STEEP * abs(across) else ""
         upright = ("up" if up > 0.0 else "down") if abs(across) < STEEP * abs(up) else ""
         verb = "slides" if slides else "moves"
-        return f"{verb} {upright}{' ' * bool(upright and sideways)}{f'to the {sideways}' * bool(sideways)}"
+        return " ".join(filter(None, (verb, upright, f"to the {sideways}" * bool(sideways))))
     side = "left" if turn > 0.0 else "right"
     pole = centre + np.array([-up, across]) / turn
     corners = {
@@ -163,19 +163,23 @@ def parts_in_words(parts: Sequence[Part], total: int, ties: NamedArrays) -> str:
         if len(blocks) == total and len(those) == 1:
             name = "the whole structure" if total > 1 else "the block"
         elif len(blocks) == 1:
-            name = f"the {place} block" if place else f"block {blocks[0]}"
+            name = f"the {place} block ({blocks[0]})" if place else f"block {blocks[0]}"
         elif len(those) == 1:
             name = f"the {place or 'main'} part ({len(blocks)} blocks)"
         else:
-            name = f"{len(those)} parts {place or 'over all of it'}"
-            for verb in ("slides", "moves", "rocks", "turns"):
-                motion = motion.replace(verb, verb[:-1])
-            motion = motion.replace("its ", "their ").replace(" corner", " corners")
+            name = f"{len(those)} {f'{place} ' * bool(place)}parts"
+            verb, _, way = motion.partition(" ")
+            way = way.replace("its ", "their ").replace(" corner", " corners")
+            motion = f"{verb.removesuffix('s')} {way}"
         told.append(f"{name} {motion}")
     rest = sum(map(len, list(alike.values())[NAMED:]))
-    told += [f"{counted(rest, 'smaller part')} move{'s' * (rest == 1)} between these"] if rest else []
+    told += (
+        [f"{counted(rest, 'smaller part')} move{'s' * (rest == 1)} between these"] if rest else []
+    )
     if "state" in ties:
-        yielding = [n for n, s in zip(ties["name"], ties["state"], strict=True) if s == TieState.YIELDS]
+        yielding = [
+            n for n, s in zip(ties["name"], ties["state"], strict=True) if s == TieState.YIELDS
+        ]
         if yielding:
             plural = len(yielding) > 1
             told.append(f"tie{'s' * plural} {', '.join(yielding)} yield{'s' * (not plural)}")

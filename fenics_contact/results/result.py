@@ -20,6 +20,7 @@ from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.bounds import (
+    FROM_RIGID,
     WITHOUT_PATH,
     LimitBounds,
     LoadFactor,
@@ -57,8 +58,6 @@ from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
-
-FROM_RIGID = "difference from rigid blocks with the friction forces of this state"
 
 
 @dataclass(frozen=True)

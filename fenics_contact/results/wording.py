@@ -46,6 +46,8 @@ class Wording:
         acceleration: Horizontal one at load factor 1, m/s2, where the live load is gravity sideways
             on all masses; None for other loads.
         load: Size of the live load's resultant, N per metre of thickness.
+        noun: What the live load is called.
+        forces: Whether it is forces at places alone: what is carried is told as a force, too.
         tilt: Horizontal body force of the live load, where it is that of a tilting table, whose
             angle is told then; else 0.
         both: Whether both directions of the live load are told of.
@@ -55,6 +57,8 @@ class Wording:
     units: Units
     acceleration: float | None = None
     load: float = 0.0
+    noun: str = "live load"
+    forces: bool = False
     tilt: float = 0.0
     both: bool = False
     asked: Collection[str] = field(default_factory=frozenset)
@@ -71,7 +75,22 @@ class Wording:
         """For loads and floors with the names and values of a scene file."""
         live = loads["live"]
         tilt = live["body"][0] if live.get("tilt") is True else 0.0
-        return cls(units, sideways(loads, floors), math.hypot(*resultant), tilt, **more)
+        kinds = {name for name in ("force", "traction", "earth", "form") if live.get(name)}
+        kinds |= {"body"} if any(live["body"]) else set()
+        noun = "earth pressure" if kinds == {"earth"} else "live load"
+        size = math.hypot(*resultant)
+        return cls(units, sideways(loads, floors), size, noun, kinds == {"force"}, tilt, **more)
+
+    @property
+    def question(self) -> str:
+        """What is asked of the structure."""
+        if self.tilt:
+            return "At which tilt of the ground does it collapse?"
+        if self.acceleration is not None:
+            return "At which horizontal acceleration of all masses does it collapse?"
+        if self.forces:
+            return "How large a force does it carry?"
+        return f"How many times the {self.noun} does it carry?"
 
     def number(self, factor: float, sign: float = 1.0) -> float:
         """A load factor in g or degrees, or as a multiple, against the load in its direction."""
@@ -105,9 +124,12 @@ class Wording:
         if self.acceleration is not None:
             return f"{number} g {self.way(direction)}"
         if sign < 0.0:
-            return f"{number} times the live load reversed"
+            return f"{number} times the {self.noun} reversed"
         load = f" of {self.units.force(self.load, 4)}" if self.load else ""
-        return f"{number} times the live load{load}"
+        if load and self.forces:
+            carried = self.units.force(self.number(factor) * self.load, 4)
+            return f"{number} times the {self.noun}{load}: {carried}"
+        return f"{number} times the {self.noun}{load}"
 
     def at(self, factor: float) -> str:
         """A load factor that is given: with as many digits, as `amount`."""
@@ -117,7 +139,7 @@ class Wording:
             return f"a tilt of {number} degrees, {self.way(name)}"
         if self.acceleration is not None:
             return f"{number} g {self.way(name)}"
-        return f"{number} times the live load{' reversed' * (factor < 0.0)}"
+        return f"{number} times the {self.noun}{' reversed' * (factor < 0.0)}"
 
     def beside(self, factor: float, leading: float, sign: float, outward: int = 0) -> str:
         """A number beside that of a collapse: three digits, or four where they are close.

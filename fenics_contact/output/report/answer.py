@@ -18,6 +18,7 @@ from fenics_contact.output.report.html import (
     PICTURES,
     STATUS,
     STATUS_OF_ONE,
+    bullets,
     direction_words,
     heading,
     numbers,
@@ -46,6 +47,7 @@ class PrintedPicture:
         page: What picture and assumptions have together.
         line: Height of a line of the assumptions; all but the first of a row have a little less.
         letters: That a line has room for.
+        more: That a line without a name beside it has room for.
     """
 
     beside: float = 17.0
@@ -54,14 +56,18 @@ class PrintedPicture:
     page: float = 17.0
     line: float = 0.54
     letters: int = 75
+    more: int = 10
 
-    def above(self, rows: Sequence[tuple[str, str]]) -> float:
-        """Height of a picture above the assumptions, cm."""
-        lines = sum(math.ceil(len(value) / self.letters) for _, value in rows)
+    def above(self, rows: Sequence[tuple[str, str]], said: Sequence[str] = ()) -> float:
+        """Height of a picture above the assumptions, with what is said on the page, cm."""
+        texts = [value for _, value in rows] + [line[self.more :] for line in said]
+        lines = sum(math.ceil(len(value) / self.letters) for value in texts)
         return min(max(self.page - self.line * lines, self.least), self.most)
 
 
 PICTURE = PrintedPicture()
+#: What is not in the model, where a client asks what decides.
+UNCRACKED = "Blocks do not crack: that is not in the model."
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
 SHOWN = 4
 #: Width or height of the drawing, whichever is larger, in units of SVG.
@@ -80,30 +86,29 @@ NUMBERS = 'text-anchor="middle" stroke="none" fill="#222" font-family="sans-seri
 
 
 def first_page(content: Content) -> Iterator[str]:
-    """Title, project, author and date, answer, collapse picture, assumptions."""
+    """Title, project, author and date, question and answer, collapse picture, assumptions."""
     record = content.record
     status = record["status"]
     ends = record["ends"]
     made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(content.labels.line(made), kind="labels")
-    yield paragraph(answer(record), kind=f"status {status}")
-    # How much the answer is worth, for each direction where these differ.
-    if len({end["status"] for end in ends.values()}) < 2:
-        name = "verified" if status == "limit" else status.replace("_", " ")
-        if any(end.get("rolling") for end in ends.values()):
-            name = "verified as drawn, but blocks roll (see the warnings)"
-        verdict = [f"{name.capitalize()}: {STATUS[status]}"]
-    else:
-        words = {name: direction_words(name).capitalize() for name in ends}
-        verdict = [f"{words[name]}: {STATUS_OF_ONE[end['status']]}" for name, end in ends.items()]
-    yield paragraph(*verdict)
-    proofs = [end.get("proof") for end in ends.values()]
-    yield from (paragraph(f"{proof[0].upper()}{proof[1:]}.") for proof in proofs if proof)
+    yield paragraph(record["answer"]["question"], kind="question")
+    yield paragraph(*map(_sentence, record["answer"]["found"]), kind=f"status {status}")
+    # How much the answer is worth, where it is none, or differs between the directions.
+    words = {name: direction_words(name).capitalize() for name in ends}
+    told = [f"{words[name]}: {STATUS_OF_ONE[end['status']]}" for name, end in ends.items()]
+    if len({end["status"] for end in ends.values()}) > 1:
+        yield paragraph(*told)
+    elif status != "limit":
+        yield paragraph(f"{status.replace('_', ' ').capitalize()}: {STATUS[status]}")
+    how = list(_collapses(record))
+    decides = [_sentence(line) for line in record["answer"]["more"]] + [UNCRACKED]
     rows = list(_assumptions(record, content.units))
+    yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"]
-    height = PICTURE.beside if beside else PICTURE.above(rows)
+    height = PICTURE.beside if beside else PICTURE.above(rows, [*how, *decides])
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
@@ -114,59 +119,23 @@ def first_page(content: Content) -> Iterator[str]:
         elif ends[direction]["status"] == "unbounded":
             caption = "Blocks that wedge, by number."
         yield picture(address, caption)
-    yield f"<div>{heading('Assumptions', 2)}{table(rows)}</div></div>"
+    yield f"<div>{heading('What decides', 2)}{bullets(decides)}"
+    yield f"{heading('Assumptions', 2)}{table(rows)}</div></div>"
 
 
-def answer(record: Record) -> str:
-    """What the structure stands, in one sentence, or why that is not known."""
-    status = record["status"]
-    if status == "unstable":
-        return "The structure does not stand under its dead load."
-    if not record["ends"] or status == "no_equilibrium":
-        return "No equilibrium was found under the dead load alone."
-    scene = record["scene"]
-    laws = (law for kind in ("joints", "foundations") for law in scene[kind].values())
-    # Brackets are those without the strength that joints may lose.
-    loses = any(law.get("opened") == "lost" for law in laws)
+def _collapses(record: Record) -> Iterator[str]:
+    """What the blocks do in the collapse of each direction, in a sentence."""
     told = wording(record)
-    tilted = told.tilt != 0.0
-    acceleration = told.acceleration
-    known: list[str] = []
-    lost: list[str] = []
     for direction, end in record["ends"].items():
-        negative = direction == "negative"
-        way = f"the live load{' reversed' if negative else ''}"
-        preposition = "for "
-        if acceleration is not None:
-            way = told.way(direction)
-            preposition = ""
-        if end["status"] == "unbounded":
-            known.append(f"any load {preposition}{way}")
-        elif end["status"] == "limit":
-            part = f"{_amount(end['load_factor'], told)} {way}"
-            if tilted:
-                angle = abs(told.number(end["load_factor"]))
-                part = f"a tilt of {angle:.3g} degrees, {told.way(direction)}"
-            searched = end.get("searched")
-            if searched:
-                lost.append(f"The {searched}, is at {part}.")
-            else:
-                known.append(part)
-        else:
-            beyond = end["bounds"]["lower" if negative else "upper"]
-            most = ""
-            if beyond is not None and not loses:
-                this_load = " this load" if acceleration is None else ""
-                most = f"; it is at most {_amount(beyond, told)}{this_load}"
-            lost.append(f"No limit load was found {preposition}{way}{most}.")
-    verb = "carries" if acceleration is None and not tilted else "stands"
-    sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
-    return " ".join(sentence + lost)
+        if end["mechanism"] and end["mechanism"]["words"]:
+            way = _sentence(told.way(direction)).removesuffix(".")
+            way = f"{way}: " if len(record["ends"]) > 1 else ""
+            yield _sentence(f"{way}{end['mechanism']['words']}")
 
 
-def _amount(factor: float, told: Wording) -> str:
-    """The size of a load factor as an acceleration in g, or as a multiple."""
-    return f"{abs(told.number(factor)):.3g} {told.unit}"
+def _sentence(words: str) -> str:
+    """Words as a sentence."""
+    return f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}"
 
 
 def wording(record: Record) -> Wording:
@@ -260,9 +229,13 @@ def _law(one: Record, units: Units) -> str:
 
 
 def how_it_fails(content: Content) -> Iterator[str]:
-    """How the blocks move: in words, and drawn with their numbers."""
+    """How the blocks move: in numbers, and drawn with their numbers.
+
+    Print has the picture of page 1 alone; the other direction has its picture there, too.
+    """
     record = content.record
-    yield heading("How it fails")
+    shown = content.picture_of("collapse", next(iter(record["ends"]), "positive"))
+    yield f'<div class="{"again" if shown else ""}">{heading("How it fails")}'
     total = record["mesh"]["bodies"]
     if record["falling_blocks"]:
         falling = record["falling_blocks"]
@@ -270,7 +243,7 @@ def how_it_fails(content: Content) -> Iterator[str]:
         yield paragraph(words, f"The reason: {record['reason']}. No joint resists this motion.")
         if motion := content.motions.get("fall"):
             yield moving_figure(motion, falling)
-    for place, (direction, end) in enumerate(record["ends"].items()):
+    for direction, end in record["ends"].items():
         prefix = f"With the {direction_words(direction)}:"
         if end["wedged_blocks"]:
             wedged = end["wedged_blocks"]
@@ -278,12 +251,15 @@ def how_it_fails(content: Content) -> Iterator[str]:
             yield paragraph(prefix, words)
         elif end["mechanism"]:
             doubt = "This motion is not verified." if end["status"] != "limit" else ""
-            yield paragraph(prefix, *_motion(end["mechanism"], total, content.units), doubt)
+            words = _motion(end["mechanism"], total, content.units)
+            yield paragraph(prefix, *words, doubt)
             if motion := content.motions.get(direction):
                 yield moving_figure(motion, end["mechanism"]["moving"])
         else:
             yield paragraph(prefix, "no collapse mode is known.")
-        if place and (address := content.picture_of("collapse", direction)):
+    yield "</div>"
+    for direction in list(record["ends"])[1:]:
+        if address := content.picture_of("collapse", direction):
             yield picture(address, PICTURES["collapse_negative"])
 
 

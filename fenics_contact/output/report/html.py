@@ -78,7 +78,7 @@ KEYS: dict[str, str] = {
     "control": "what is prescribed (work of the live load, or load factor)",
     "slip": "slip is measured from",
     "engine": "what finds the load factor",
-    "gap": "gap asked for, relative",
+    "gap": "width of gaps",
     "states": "collapse state reported",
     "accuracy": "accuracy wished",
     "time": "limit of time",
@@ -128,7 +128,7 @@ PICTURES: Mapping[str, str] = {
 }
 
 RANGE = (
-    "With friction the equations can have several collapse states. The load factor is that of the"
+    "With friction a structure can have several collapse states. The load factor is that of the"
     " state that was found and verified. The bracket holds for all of them: below its lower end"
     " none exists, and beyond its upper end nothing is carried. Where the ends meet the load factor"
     " is the only one. A structure with less friction forces than this state has falls earlier, but"
@@ -136,11 +136,7 @@ RANGE = (
 )
 
 NOTES = (
-    "With Coulomb friction several collapse states may exist. The load factor is that of one"
-    " verified state. All states lie in the bracket. Where its ends meet there is no other.",
-    "The lower end of the bracket is the limit load with the least friction that any collapse state"
-    " can have. Loads beyond the upper end are not carried even by rigid blocks with associative"
-    " friction. What is carried without friction is surely carried.",
+    "What is carried without any friction is surely carried.",
     "Displacements are small. The problem is planar.",
 )
 #: What the blocks do, without and with a compressive strength.

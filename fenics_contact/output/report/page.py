@@ -49,7 +49,7 @@ from fenics_contact.output.report.html import (
     text,
     value_text,
 )
-from fenics_contact.results.bounds import counted
+from fenics_contact.results.bounds import FROM_RIGID, counted
 from fenics_contact.scene.units import PER_METRE, Units
 
 _log = logging.getLogger("fenics_contact")
@@ -58,8 +58,10 @@ _log = logging.getLogger("fenics_contact")
 PAGE = "report.html"
 #: Values that are not shown where they are not used: these keys with these values.
 UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened", "profile"}
-UNUSED |= {"glued", "off"}
+UNUSED |= {"gap", "prestress", "glued", "off", "surcharge", "wall_friction"}
 NOTHING = (0.0, [0.0, 0.0], "kept", "uniform")
+#: What `solve.gap` is; joints have gaps, too.
+GAP = "gap asked for, relative"
 #: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
 PRESSURES = {"traction", "surcharge"}
 #: Forces on the joints of more blocks are too small in a picture on a page.
@@ -203,7 +205,7 @@ def structure(content: Content) -> Iterator[str]:
     units = content.units
     size = scene["size"]
     held = mesh["bodies"] - mesh["floating_bodies"]
-    yield heading("The structure")
+    yield heading("Appendix: the structure")
     yield paragraph(
         f"{counted(mesh['bodies'], 'block')}, {held or 'none'} held by supports.",
         f"Width {units.length(size['width'], 4)}, height {units.length(size['height'], 4)},",
@@ -258,7 +260,9 @@ def load_factors(content: Content) -> Iterator[str]:
     yield heading("The range of load factors")
     if record["status"] == "limit":
         yield paragraph(RANGE)
+    yield f'<div class="{"halves" if len(record["ends"]) > 1 else ""}">'
     for direction, end in record["ends"].items():
+        yield "<div>"
         yield heading(f"Load factor, {direction_words(direction)}", 3)
         if end["status"] != record["status"]:
             yield paragraph(STATUS[end["status"]])
@@ -267,8 +271,10 @@ def load_factors(content: Content) -> Iterator[str]:
             if end["status"] == "not_converged" and end["attempts"]:
                 reason = f"{reason.partition('; ')[0]}. The appendix has what was tried."
             yield paragraph(f"Reason: {reason}")
+        if end["proof"]:
+            yield paragraph(f"{end['proof'][0].upper()}{end['proof'][1:]}.")
         first, *others = end["tables"]
-        yield table(first["rows"])
+        yield table([row for row in first["rows"] if row[0] != FROM_RIGID and row[1] != "0"])
         forces = [
             (tie["name"], units.force(tie["force"], 4), units.force(tie["yield"], 4), tie["state"])
             for tie in content.details(direction).get("ties", [])
@@ -277,6 +283,8 @@ def load_factors(content: Content) -> Iterator[str]:
         for one in others:
             yield table(one["rows"], one["head"], one["title"]) or heading(one["title"], 3)
             yield paragraph(one["note"]) if one["note"] else ""
+        yield "</div>"
+    yield "</div>"
     if not record["ends"]:
         yield paragraph(f"Reason: {record['reason']}.")
 
@@ -362,10 +370,10 @@ def _of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
 
 
 def warnings(content: Content) -> Iterator[str]:
-    """Warnings of the run."""
-    told = content.record["warnings"]
-    yield heading("Warnings")
-    yield bullets(told) if told else paragraph("None.")
+    """Warnings of the run; nothing without any."""
+    if told := content.record["warnings"]:
+        yield heading("Warnings")
+        yield bullets(told)
 
 
 def notes(content: Content) -> Iterator[str]:
@@ -423,7 +431,8 @@ def computation(content: Content) -> Iterator[str]:
         if value is None and key in left_out:
             hurried = options.get("fast") and left_out[key] != "none"
             told = "no" if hurried else left_out[key]
-        rows.append((keys.get(key, key), told))
+        if told != "-":
+            rows.append((GAP if key == "gap" else keys.get(key, key), told))
     rows += [("method of the state reported", value_text(record["method"]))]
     rows += [(MEANING[key], mesh[key]) for key in ("cells", "dofs", "joint_points")]
     rows += [("degree of the displacements", scene["degree"])]
@@ -451,15 +460,15 @@ def computation(content: Content) -> Iterator[str]:
 #: Parts of the page in their order, each of which begins with its heading, and their classes:
 #: "break" begins on a new page in print.
 SECTIONS: Mapping[Section, str] = {
-    first_page: "",
+    first_page: "first",
     loads_and_groups: "break",
     how_it_fails: "",
     load_factors: "",
-    forces: "",
-    sensitivity: "",
-    structure: "",
     warnings: "",
     notes: "",
-    verification: "break appendix",
-    computation: "appendix",
+    forces: "pairs",
+    sensitivity: "",
+    structure: "break appendix columns",
+    verification: "appendix",
+    computation: "break appendix columns",
 }
