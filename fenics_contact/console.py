@@ -272,7 +272,8 @@ def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
         yield Line("no collapse state is below", least, states=True)
     if upper is not None and math.isfinite(upper):
         most = words.beside(upper, end.load_factor, end.sign, 1)
-        yield Line("nothing carries more than", most, states=True)
+        times = " times" * words.forces  # beside the force itself
+        yield Line("nothing carries more than", f"{most}{times}", states=True)
 
 
 def _accuracy(result: Result) -> list[str]:

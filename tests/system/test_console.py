@@ -21,7 +21,7 @@ no other collapse state exists
 """,
     "bridge": """\
 it collapses at 9.950 times the live load of 10 kN/m: 99.5 kN/m (verified)
-lowest collapse state found, with any self-stress: this one; nothing carries more than 10.6
+lowest collapse state found, with any self-stress: this one; nothing carries more than 10.6 times
 """,
     "retaining wall": """\
 it collapses at 2.164 times the earth pressure of 14.69 kN/m (verified)
@@ -38,7 +38,7 @@ mesh and stiffness: 0.2898 to 0.299 while this mechanism stays
 """,
     "ring": """\
 it collapses at 9.071 times the live load of 10 kN/m: 90.71 kN/m (verified)
-lowest collapse state found, with any self-stress: this one; nothing carries more than 9.072
+lowest collapse state found, with any self-stress: this one; nothing carries more than 9.072 times
 """,
     "wall with opening": """\
 it collapses at 0.2946 g to the left (verified)
