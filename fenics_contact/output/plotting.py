@@ -101,14 +101,15 @@ def draw_marked(axes: Any, view: View) -> Any:
 def draw_forces(axes: Any, view: View) -> Any:
     """Resultant of the joint forces on every face, through its centre of pressure, to scale.
 
-    The scale is a nice number of N/m per m of drawing. Nine in ten forces are shorter than 1.2
-    times a block, and all than 0.35 times the structure. Forces of ties stand beside their bars.
+    The scale is a nice number of N/m per m of drawing, or of N where the thickness is given. Nine
+    in ten forces are shorter than 1.2 times a block, and all than 0.35 times the structure. Forces
+    of ties stand beside their bars.
 
     Raises:
         ValueError: If the view has no joint values.
     """
     faces = face_resultants(view.joints, view.values)
-    total = faces.force[faces.acting]
+    total = faces.force[faces.acting] * (view.thickness or 1.0)
     centre = faces.centre[faces.acting]
     frame(axes, view)
     draw_outlines(axes, view, view.rest)
@@ -123,7 +124,8 @@ def draw_forces(axes: Any, view: View) -> Any:
         add_lines(axes, lines, colors=FORCE, linewidths=2.4 * fine * (0.4 + 0.6 * size / largest))
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
         force = nice(min(largest, 0.3 * view.size * per_metre))
-        text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
+        unit = "N" if view.thickness else "N/m"
+        text = f"{force_text(force, unit)}   (1 m = {force_text(per_metre, unit)})"
         draw_bar(axes, view, force / per_metre, text, FORCE)
     if view.ties is not None:
         legend(axes, draw_ties(axes, view))
@@ -133,7 +135,9 @@ def draw_forces(axes: Any, view: View) -> Any:
             angle = np.degrees(np.arctan2(along[1], along[0]))
             style |= {"rotation": angle - 180.0 * np.round(angle / 180.0)}
             style |= {"rotation_mode": "anchor"}
-            axes.text(*ends.mean(axis=0), force_text(float(force)), **style)
+            force *= view.thickness or 1.0
+            told = force_text(float(force), "N" if view.thickness else "N/m")
+            axes.text(*ends.mean(axis=0), told, **style)
     axes.set_title(f"joint forces {view.caption.state}", fontsize=10)
     return axes
 
@@ -535,10 +539,10 @@ def nice(value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6
     return float(table[table <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
 
 
-def force_text(force: float) -> str:
-    """A force in kN per metre of thickness, or in N or MN where that has fewer digits."""
+def force_text(force: float, unit: str = "N/m") -> str:
+    """A force in kN, per metre of thickness or not, or in N or MN where that has fewer digits."""
     factor, prefix = (1e6, "M") if force >= 1e6 else (1e3, "k") if force >= 1e3 else (1.0, "")
-    return f"{force / factor:.4g} {prefix}N/m"
+    return f"{force / factor:.4g} {prefix}{unit}"
 
 
 def draw_bar(

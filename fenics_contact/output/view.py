@@ -149,6 +149,7 @@ class View:
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
         stress: Mean stresses in squares; None where they are not known.
+        thickness: Of the structure, m; None where forces are told per metre of it.
     """
 
     boundary: Boundary
@@ -170,6 +171,7 @@ class View:
     caption: Caption = COLLAPSE
     marked: Indices | None = None
     stress: StressRaster | None = None
+    thickness: float | None = None
 
     def scaled(self, factor: float) -> View:
         """The view with displacements so many times as large."""
@@ -236,6 +238,7 @@ def view_of(
         tie_motion=sides[count:][: 0 if ties is None else len(ties.force)],
         roles=Roles(tuple(held), tuple(scene.ties), *labels),
         scale=scale,
+        thickness=scene.thickness,
     )
 
 

@@ -186,6 +186,7 @@ def test_titles_have_one_number_of_decimals():
 def test_forces_and_lengths_are_drawn_to_a_round_scale():
     assert [nice(value) for value in (1.0, 1.49, 7.9, 123.0)] == [1.0, 1.0, 6.0, 100.0]
     assert [force_text(force) for force in (5e4, 2.5e6, 3.0)] == ["50 kN/m", "2.5 MN/m", "3 N/m"]
+    assert force_text(3e4, "N") == "30 kN"  # of the whole thickness
     view, _ = solved(on_ground(running_bond(4, 4), ROUGH))
     for draw in (draw_mode, draw_thrust):
         axes = draw(Figure().subplots(), view)

@@ -44,7 +44,9 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
 TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
 TAGS |= set("figcaption section div svg g path text label input script".split())
 #: Its attributes.
-ATTRIBUTES = set("src alt class scope lang charset viewbox role aria-label xmlns hidden".split())
+ATTRIBUTES = set(
+    "src alt class scope lang charset viewbox role aria-label xmlns hidden name content".split()
+)
 ATTRIBUTES |= set(
     "d x y font-size font-family text-anchor fill stroke stroke-width transform".split()
 )

@@ -170,7 +170,8 @@ def report_page(content: Content) -> str:
 def _page(name: str, parts: Iterable[str]) -> str:
     """A page of parts with a title, as HTML."""
     title = text(name)
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    wide = '<meta name="viewport" content="width=device-width, initial-scale=1">'  # of a phone
+    head = f'<meta charset="utf-8">{wide}<title>{title}</title><style>{STYLE}</style>'
     body = "\n".join(parts)
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
@@ -246,10 +247,15 @@ def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, st
             if isinstance(value, dict):
                 for place, part in value.items():
                     inside = part if isinstance(part, dict) else {key: part}
-                    pairs = (told(k, v) for k, v in inside.items() if v is not None)
+                    pairs = (told(k, v) for k, v in inside.items() if _used(k, v))
                     yield name, f"{label} {place}", ", ".join(" ".join(pair) for pair in pairs)
-            elif value is not None and not (key in UNUSED and value in NOTHING):
+            elif _used(key, value):
                 yield name, label, words
+
+
+def _used(key: str, value: object) -> bool:
+    """Whether a value says something: it is not shown where it switches nothing on."""
+    return value is not None and not (key in UNUSED and value in NOTHING)
 
 
 def load_factors(content: Content) -> Iterator[str]:
@@ -303,7 +309,8 @@ def forces(content: Content) -> Iterator[str]:
     if content.missing:
         yield paragraph(f"{content.missing[0].upper()}{content.missing[1:]}.")
     for stem, address in found.items():
-        more = " Forces are per metre of thickness." if stem.startswith("forces") else ""
+        per_metre = stem.startswith("forces") and not content.units.thickness
+        more = " Forces are per metre of thickness." * per_metre
         direction = "negative" if stem.endswith("_negative") else "positive"
         if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
