@@ -194,10 +194,15 @@ def _material(one: Record, gravity: float, units: Units) -> str:
 
 def _tie(one: Record, units: Units) -> str:
     """Tension at which a tie yields, prestress and spacing."""
-    force = "N" if one.get("spacing") else f"N {PER_METRE}"
-    parts = [f"yields at {units.text(one['yield'], force)}"]
+    unit = "N" if one.get("spacing") else f"N {PER_METRE}"
+
+    def force(value: float) -> str:
+        whole = units.thickness and not one.get("spacing")
+        return units.force(value) if whole else units.text(value, unit)
+
+    parts = [f"yields at {force(one['yield'])}"]
     if one.get("prestress"):
-        parts.append(f"prestress {units.text(one['prestress'], force)}")
+        parts.append(f"prestress {force(one['prestress'])}")
     if one.get("spacing"):
         parts.append(f"one every {units.length(one['spacing'])}")
     return ", ".join(parts)
