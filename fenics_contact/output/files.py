@@ -379,7 +379,7 @@ def result_record(result: Result) -> Record:
     collapse = result.collapse
     scene = result.scene
     words = replace(result.wording, units=scene.units.of_report)
-    found, more = answer(result, words)
+    told, more = answer(result, words)
     kinds = Answer.kinds.values()
     ends = {name: _end_record(result, end) for name, end in result.ends.items()}
     details = {name: _collapse_record(result, end) for name, end in result.ends.items()}
@@ -388,7 +388,7 @@ def result_record(result: Result) -> Record:
     record: Record = {
         "status": result.status,
         "title": scene.title,
-        "answer": {"question": words.question, "found": found, "more": more},
+        "answer": {"question": words.question, "found": told, "more": more},
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
         "tilt_angle": scene.tilt_angle(result.load_factor),
@@ -437,7 +437,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
         found = mechanism(result.layout, end.mode, end.joints)
-        parts = moving_parts(result.layout, end.mode, end.joints, found.moving)
+        parts = moving_parts(result.layout, end.mode, end.joints, found.moving.tolist())
         ties = tie_arrays(result.layout, end.joints)
         moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
         moves["parts"] = [vars(one) for one in parts]

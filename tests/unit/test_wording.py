@@ -49,7 +49,7 @@ LOADS = {
         {"body": (0.0, 0.0), "force": {"axle": {}}},
         DOWN,
         {},
-        "0.3000 times the live load of 10 kN/m",
+        "0.3000 times the live load of 10 kN/m: 3 kN/m",
     ),
     "a tilting table": (
         {"body": (9.81, 0.0), "tilt": True},

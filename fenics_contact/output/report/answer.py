@@ -256,8 +256,7 @@ def how_it_fails(content: Content) -> Iterator[str]:
             yield paragraph(prefix, words)
         elif end["mechanism"]:
             doubt = "This motion is not verified." if end["status"] != "limit" else ""
-            words = _motion(end["mechanism"], total, content.units)
-            yield paragraph(prefix, *words, doubt)
+            yield paragraph(prefix, *_motion(end["mechanism"], total, content.units), doubt)
             if motion := content.motions.get(direction):
                 yield moving_figure(motion, end["mechanism"]["moving"])
         else:
