@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -13,7 +12,6 @@ from fenics_contact import Floor, InputError, JointLaw, Load, Scene, SolveOption
 from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
-from fenics_contact.output.report.answer import answer
 from tests.drawing import rectangle
 from tests.helpers import coulomb, on_ground
 
@@ -41,9 +39,7 @@ def test_block_slides_at_its_friction_and_topples_at_its_width_over_its_height(f
     text = summary(result)
     ways = (f"a tilt of {angle:.2f} degrees, down to the {side}" for side in ("right", "left"))
     assert text.startswith(f"it collapses at {', '.join(ways)} (verified)")
-    stands = f"a tilt of {angle:.3g} degrees, down to the"
-    text = f"The structure stands {stands} right and {stands} left."
-    assert answer(json.loads(json.dumps(record, default=str))) == text
+    assert record["answer"]["found"][0] == text.splitlines()[0]
 
 
 def test_all_floors_tilt():
