@@ -21,8 +21,10 @@ KINDS = (
 
 
 def on_page_content(content: str, page: Any, **_: Any) -> str:
-    """The text of a page with its formulas as scripts, MathJax after them, and other anchors."""
+    """The text of a page: formulas are scripts with MathJax after them, pictures open in full."""
     content = re.sub(r'( id="|href="[^":]*#)(\d)', r"\1s\2", content)
+    picture = r'<p>(<img [^>]*src="([^"]+)"[^>]*>)</p>'
+    content = re.sub(picture, r'<p><a href="\2">\1</a></p>', content)
     rename(page.toc)
     plain = content
     for pattern, mode, form in KINDS:
