@@ -14,8 +14,8 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, limit_load
 from tests.bank import BANK, coulomb, wall_recipe
+from tests.system.program import ROOT, run, write_scene
 from tests.system.program import result as outcome
-from tests.system.program import run, write_scene
 
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
 JOINT_METHODS = ("splitting", "active-set")  # whose unknowns are joint forces
@@ -87,6 +87,11 @@ def test_fixed_point_alone_ends_in_the_same_state(name, tmp_path):
     assert record["method"] == "fixed-point"
     assert record["load_factor"] == pytest.approx(solved(wall.scene()).load_factor, rel=1e-6)
     assert 0.0 < record["iterations"]["contraction"] < 1.0
+    first, second, *_ = record["iterations"]["history"]
+    assert first["contraction"] is None
+    assert second["contraction"] * first["bound_change"] == pytest.approx(second["bound_change"])
+    page = (ROOT / "docs" / "fixed_point.md").read_text()
+    assert [key for key in {*record["iterations"], *second} if f"`{key}`" not in page] == []
 
 
 @pytest.mark.parametrize(
