@@ -11,11 +11,13 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
+import runpy
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -223,3 +225,17 @@ def test_gallery_shows_all_demos_in_small_pictures():
     pictures = set((ROOT / "docs" / "gallery").rglob("*.png"))
     assert pictures == {ROOT / "docs" / name for name in re.findall(r"\((gallery/[^)]+)\)", text)}
     assert sum(path.stat().st_size for path in pictures) < SMALL
+
+
+def test_formulas_of_the_site_need_no_remote_address():
+    hook = runpy.run_path(str(ROOT / "docs" / "formulas.py"))["on_page_content"]
+    anchor = SimpleNamespace(id="2-the-problem", children=[])
+    page = SimpleNamespace(url="docs/method.html", toc=[anchor])
+    text = '<h2 id="2-the-problem">A</h2>$<code>a &lt; b</code>$'
+    block = '<pre><code class="language-math">a = b\n</code></pre>'
+    found = hook(text + block, page=page)
+    assert anchor.id == "s2-the-problem" and 'id="s2-the-problem"' in found
+    assert '<script type="math/tex">\\raise 0pt{a < b}</script>' in found
+    assert '<script type="math/tex; mode=display">a = b\n</script>' in found
+    assert re.findall(r'src="([^"]+)"', found) == ["../mathjax/MathJax.js?config=TeX-AMS_SVG"]
+    assert hook("<p>words</p>", page=page) == "<p>words</p>"
