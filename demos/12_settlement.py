@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Movement, Scene, equilibrium
 from fenics_contact.drawing import Drawing
 from fenics_contact.output.plotting import draw_forces, draw_mode
-from fenics_contact.output.view import view_of
+from fenics_contact.output.view import NO_LOAD, view_of
 
 FOLDER = Path(__file__).parent / "output" / "settlement"
 VOUSSOIRS, RADIUS, RING, EMBRACE, DENSITY = 14, 3.0, 0.45, 140.0, 2000.0  # 1, m, m, degrees, kg/m3
@@ -77,7 +77,7 @@ if mesh.comm.rank == 0:
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     left, right, below = (figure.add_subplot(2, 2, place) for place in (1, 2, (3, 4)))
 view = view_of(found.layout, found.state.displacement, found.joint_values)
-view = replace(view, body=view.forces)  # no live load
+view = replace(view, live=NO_LOAD)
 if mesh.comm.rank == 0:
     draw_mode(left, view).set_title("springings spread (grey outline: as drawn)")
     draw_forces(right, view).set_title("joint forces")

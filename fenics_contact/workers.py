@@ -130,6 +130,8 @@ class Processes(Executor):
         for _ in range(count):
             read, write = os.pipe()  # what a task prints is no answer
             program = f"from {__name__} import answer; answer({write})"
+            # A worker that still begins is not killed by a signal that asks it to end its task.
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
             worker = subprocess.Popen(
                 [sys.executable, "-c", program],
                 stdin=subprocess.PIPE,
@@ -137,6 +139,7 @@ class Processes(Executor):
                 env=environment,
                 start_new_session=True,
             )
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
             os.close(write)
             self._workers.append((worker, os.fdopen(read, "rb")))
             self._free.put(self._workers[-1])
@@ -246,6 +249,7 @@ def answer(answers: int) -> None:
         Signals(),
         suppress(EOFError, BrokenPipeError),
     ):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
         while True:
             task, args, kwargs = pickle.load(tasks)
             try:

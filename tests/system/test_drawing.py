@@ -396,7 +396,7 @@ def test_facade_with_six_windows_by_gmsh_and_by_dxf(folder, capsys):
     results = []
     for name, changes in (("gmsh", by_gmsh), ("dxf", {**rough, "mesh.file": "facade.msh"})):
         (folder / f"{name}.toml").write_text(toml(changed(changes)))
-        found = run_here(["solve", f"{name}.toml", "-o", name], capsys)
+        found = run_here(["solve", f"{name}.toml", "-o", name, "-v"], capsys)
         assert found.code == 0, found.err
         assert "30 blocks" in found.out
         results.append(result(folder / name))

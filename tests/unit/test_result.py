@@ -326,7 +326,7 @@ def test_progress_is_printed_where_it_is_asked_for(capsys):
     limit_load(sliding_wall())
     assert capsys.readouterr().out == ""
     limit_load(sliding_wall(), progress=True)
-    assert "positive: iteration   1  load factor 0.3" in capsys.readouterr().out
+    assert "positive: pass   1  load factor 0.3" in capsys.readouterr().out
 
 
 def test_libraries_are_imported_where_they_are_used(tmp_path):
