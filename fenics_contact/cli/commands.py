@@ -78,13 +78,14 @@ def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracom
 def _shares_mesh(options: argparse.Namespace, comm: MPI.Intracomm) -> bool:
     """Whether a scene's mesh is shared out among the ranks: if it says so, or if it is large."""
     tables = read_toml(options.scene, comm, options.overrides)
-    with contextlib.suppress(AttributeError, KeyError, TypeError, OSError):
+    size = 0
+    with contextlib.suppress(AttributeError, KeyError, TypeError, ValueError, OSError):
         asked = tables.get("solve", {}).get("distribute")
         if isinstance(asked, bool):
             return asked
-        size = (options.scene.parent / tables["mesh"]["file"]).stat().st_size
-        return bool(comm.bcast(size > LARGE_FILE))
-    return False
+        if comm.rank == 0:  # what is wrong with scene or file is said when they are read
+            size = (options.scene.parent / tables["mesh"]["file"]).stat().st_size
+    return bool(comm.bcast(size) > LARGE_FILE)
 
 
 @_with_workers

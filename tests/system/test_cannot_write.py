@@ -55,6 +55,10 @@ def on_a_read_only_disk(arguments: list[str], folder: Path) -> Run:
     return found
 
 
+#: All ranks run the command, as this test does.
+BY_MESH = ["--set", "solve.distribute=true"]
+
+
 def file_in_place(folder: Path) -> None:
     if folder.is_dir():
         shutil.rmtree(folder)
@@ -95,7 +99,7 @@ def test_folder_that_changes_during_the_run(
     if MPI.COMM_WORLD.rank == 0:
         write_scene(folder)
     MPI.COMM_WORLD.barrier()
-    found = run_here(["solve", "scene.toml", "-o", "out/here"], capsys)
+    found = run_here(["solve", "scene.toml", "-o", "out/here", *BY_MESH], capsys)
     assert found.code == 4
     if MPI.COMM_WORLD.rank == 0:
         assert found.err.count("\n") == 1
