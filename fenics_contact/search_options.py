@@ -177,6 +177,8 @@ class SearchOptions:
     #: units; and how far a mode by face forces may close, or miss stationarity. Forces below this
     #: part of the largest one are none.
     verified: float = 1e-6
+    #: The load factor of one state changes by so many times its gap at most with more work.
+    same_state: float = 100.0
     #: The same of friction, the direction of slip, and the mode's penetration, power and straining.
     verified_slip: float = 1e-5
     #: Products of open and sliding joints in an elastic mode, force times displacement.

@@ -7,6 +7,7 @@ rigid-block program with the state's friction forces, tells how far the plateau 
 
 from __future__ import annotations
 
+import itertools
 import logging
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -170,7 +171,20 @@ class _Search:
         """The state to be reported: verified rather than not, then the one with the least gap."""
         if not self.found:
             return None
-        return min(self.found, key=lambda one: (not one.passed, one.gap))
+        return min(self._of_one_state, key=lambda one: (not one.passed, one.gap))
+
+    @property
+    def _of_one_state(self) -> list[_Found]:
+        """States found, up to the first that is another collapse state than a verified one before.
+
+        More work leaves the load factor of a collapse state as it is. At large works, rounding may
+        lead to another one.
+        """
+        for count, (before, after) in enumerate(itertools.pairwise(self.found), start=1):
+            allowed = SEARCH.same_state * before.gap * before.verified.certificate.size
+            if before.passed and abs(after.load_factor - before.load_factor) > allowed:
+                return self.found[:count]
+        return self.found
 
     @property
     def verified(self) -> bool:
@@ -182,7 +196,7 @@ class _Search:
         best = self.best
         if best is None or not best.passed:
             return False
-        if last is None or best.gap <= self.gap:
+        if last is None or best.gap <= self.gap or len(self._of_one_state) < len(self.found):
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
         return last.gap > before
