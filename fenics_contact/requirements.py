@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib import import_module
 from importlib.util import find_spec
-from types import ModuleType
 
 #: Modules without which nothing is solved; gmsh is needed for most meshes only.
 NEEDED = ("dolfinx", "petsc4py", "mpi4py")
@@ -45,22 +40,3 @@ def check_requirements() -> None:
     message = missing_requirements()
     if message:
         raise ImportError(f"fenics_contact: {message}")
-
-
-@contextmanager
-def quick_versions() -> Iterator[None]:
-    """Imports inside find their own versions without setuptools, whose import takes .06 s.
-
-    UFL and FFCx 2022 ask its `pkg_resources` for nothing else.
-    """
-    name = "pkg_resources"
-    if name in sys.modules:
-        yield
-        return
-    stand_in = ModuleType(name)
-    vars(stand_in)["get_distribution"] = import_module("importlib.metadata").distribution
-    sys.modules[name] = stand_in
-    try:
-        yield
-    finally:
-        del sys.modules[name]

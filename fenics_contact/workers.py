@@ -21,7 +21,6 @@ from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING, Any
 
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.requirements import quick_versions
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -127,11 +126,12 @@ class Processes(Executor):
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
         self._workers: list[tuple[subprocess.Popen[bytes], IO[bytes]]] = []
         self._free: SimpleQueue[Any] = SimpleQueue()
+        self._busy: set[subprocess.Popen[bytes]] = set()
         for _ in range(count):
             read, write = os.pipe()  # what a task prints is no answer
             program = f"from {__name__} import answer; answer({write})"
             # A worker that still begins is not killed by a signal that asks it to end its task.
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
             worker = subprocess.Popen(
                 [sys.executable, "-c", program],
                 stdin=subprocess.PIPE,
@@ -139,7 +139,7 @@ class Processes(Executor):
                 env=environment,
                 start_new_session=True,
             )
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
             os.close(write)
             self._workers.append((worker, os.fdopen(read, "rb")))
             self._free.put(self._workers[-1])
@@ -151,6 +151,7 @@ class Processes(Executor):
 
     def _answer(self, task: bytes) -> Any:
         worker, answers = self._free.get()
+        self._busy.add(worker)
         try:
             worker.stdin.write(task)
             worker.stdin.flush()
@@ -159,6 +160,7 @@ class Processes(Executor):
             code = worker.wait()
             raise SolverError(f"a process beside this one ended early (exit code {code})") from None
         finally:
+            self._busy.discard(worker)
             self._free.put((worker, answers))
         if error is not None:
             raise error
@@ -166,7 +168,7 @@ class Processes(Executor):
 
     def stop(self) -> None:
         """Ask the tasks that run to end with what they know; see `asked_to_stop`."""
-        for worker, _ in self._workers:
+        for worker in list(self._busy):
             worker.send_signal(signal.SIGUSR1)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -233,20 +235,13 @@ def last_result_of(future: Future[Any], beside: Executor) -> Any:
     return None
 
 
-def begin(*modules: str) -> None:
-    """Import what the next tasks need."""
-    for name in modules:
-        import_module(name)
-
-
 def answer(answers: int) -> None:
     """Do tasks that come by standard input, and answer by an open file, in a worker's process."""
-    with quick_versions():
-        begin("fenics_contact.limit_load")
+    import_module("fenics_contact.limit_load")  # what most tasks need
     with (
         os.fdopen(os.dup(0), "rb") as tasks,
         os.fdopen(answers, "wb") as file,
-        Signals(),
+        Signals() as signals,
         suppress(EOFError, BrokenPipeError),
     ):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGUSR1})
@@ -256,5 +251,6 @@ def answer(answers: int) -> None:
                 found: tuple[Any, Exception | None] = (task(*args, **kwargs), None)
             except Exception as error:
                 found = None, error
+            signals.number = 0  # this task was asked to end, not the next one
             pickle.dump(found, file)
             file.flush()

@@ -25,7 +25,7 @@ from fenics_contact.errors import (
     SolverError,
     raised_together,
 )
-from fenics_contact.requirements import missing_requirements, quick_versions
+from fenics_contact.requirements import missing_requirements
 from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -107,8 +107,7 @@ def _command(name: str) -> Command:
     gc.disable()
     found: Command = _mesh
     if name != "mesh":
-        with quick_versions():
-            found = getattr(import_module("fenics_contact.cli.commands"), name)
+        found = getattr(import_module("fenics_contact.cli.commands"), name)
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc, just imported, ends the program at it

@@ -19,7 +19,6 @@ from fenics_contact.console import Progress, ProgressLine, SweepProgress, descri
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
 from fenics_contact.limit_load import limit_load
-from fenics_contact.output.plotting import load_matplotlib
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.toml_tables import read_toml
@@ -123,9 +122,6 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result, more) if loud else "")
-        if scene.output.pictures and isinstance(beside, InPlace):
-            with contextlib.suppress(ImportError):  # said with the picture that is lost
-                load_matplotlib()
         result.write(folder, lambda: _first(signals, comm) > 0, beside)
         say(f"written to {folder}", more)
         say(_next("report", folder))

@@ -565,14 +565,7 @@ def draw_bar(
 
 
 def load_matplotlib() -> None:
-    """Import matplotlib without the texts of its help, which take a third of the time; a task.
-
-    For programs in which nobody can ask for help: these texts stay empty.
-    """
-    from matplotlib import artist
-
-    vars(artist)["kwdoc"] = lambda kind: ""
-    artist.Artist._update_set_signature_and_docstring = classmethod(lambda cls: None)
+    """A task: import what draws pictures, before there is one."""
     for name in ("figure", "backends.backend_agg"):
         import_module(f"matplotlib.{name}")
 

@@ -70,6 +70,7 @@ def test_who_waits_may_be_stopped_and_the_task_tells_what_it_knows():
         with pytest.raises(Stopped, match="time is over"):
             result_of(task, stop)
         assert last_result_of(task, executor) == "SIGUSR1"
+        assert result_of(executor.submit(asked_to_stop), go_on) == ""
 
 
 @pytest.mark.parametrize(("name", "direction"), [("W3", "both"), ("W4", "positive")])
