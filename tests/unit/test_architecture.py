@@ -32,7 +32,7 @@ FLOORS = (
     {"results"},
     {"collapse", "output", "console"},
     {"answers", "accuracy"},
-    {"equilibrium", "limit_load"},
+    {"equilibrium", "limit_load", "spatial"},
     {"sweeps"},
     {"cli"},
     {"__main__"},
