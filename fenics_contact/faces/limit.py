@@ -54,10 +54,12 @@ class FaceSearch:
         asked: float,
         effort: int | None = None,
         check_stop: Callable[[], None] = lambda: None,
+        near: float = SEARCH.rough_gap,
     ) -> None:
         """Take a model, the gap asked for, and the most factorisations.
 
-        `check_stop` is called between solves and may raise `Stopped`.
+        States are looked for beside elastic ones of a gap `near`. `check_stop` is called between
+        solves and may raise `Stopped`.
         """
         self.model = model
         self.equations = Equations(model)
@@ -66,6 +68,7 @@ class FaceSearch:
         self._asked = asked
         self._effort = SEARCH.collapse_cost if effort is None else effort
         self._check_stop = check_stop
+        self._near = near
         self._certifier = Certifier(model, self.equations)
 
     def run(self) -> FaceState | None:
@@ -127,7 +130,7 @@ class FaceSearch:
         model = self.model
         for again in range(SEARCH.works):
             work *= SEARCH.work_growth if again else 1.0
-            state = self.elastic(1.0, np.zeros(model.shape[0]), work, SEARCH.rough_gap)
+            state = self.elastic(1.0, np.zeros(model.shape[0]), work, self._near)
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > SEARCH.far_apart * model.size(state.load_factor)
             near = state.gap < SEARCH.rough_gap / SEARCH.decade
