@@ -27,8 +27,11 @@ from fenics_contact.errors import (
 )
 from fenics_contact.requirements import missing_requirements
 from fenics_contact.version import __version__
+from fenics_contact.workers import InPlace, Processes
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from mpi4py import MPI
 
     Command = Callable[[argparse.Namespace, MPI.Comm], int]
@@ -75,7 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
-        return _command(options.command)(options, comm)
+        with _beside(options, comm) as options.beside:
+            return _command(options.command)(options, comm)
     except ContactError as error:
         if comm.rank == 0:
             text = f"not solved: {error}" if isinstance(error, SolverError) else str(error)
@@ -100,6 +104,17 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     if comm.size > 1:
         comm.Abort(code)
     return code
+
+
+def _beside(options: argparse.Namespace, comm: MPI.Comm) -> Executor:
+    """Processes for `--jobs`, which import what they need while this one does.
+
+    A sweep waits for its processes, so that a row is on the disk as its point ends.
+    """
+    count = getattr(options, "jobs", 1)
+    if comm.size > 1 or count < 2:
+        return InPlace()
+    return Processes(count if options.command == "sweep" else count - 1)
 
 
 def _command(name: str) -> Command:

@@ -22,7 +22,7 @@ from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.toml_tables import read_toml
-from fenics_contact.workers import InPlace, Processes, Signals, ranks, ranks_of
+from fenics_contact.workers import InPlace, Signals, ranks, ranks_of
 
 #: The exit code of a run that a signal ended is this and its number.
 BY_SIGNAL = 128
@@ -37,8 +37,7 @@ Tasked = Callable[[argparse.Namespace, MPI.Intracomm, Executor], int]
 def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracomm], int]:
     """A command on one rank that hands tasks to the others, or to processes (`--jobs`).
 
-    Where a scene shares its mesh out among the ranks, all of them run the command. A sweep waits
-    for its processes, so that a row is on the disk as its point ends.
+    Where a scene shares its mesh out among the ranks, all of them run the command.
     """
 
     def run(options: argparse.Namespace, comm: MPI.Intracomm) -> int:
@@ -50,9 +49,7 @@ def _with_workers(command: Tasked) -> Callable[[argparse.Namespace, MPI.Intracom
                 " both"
             )
         if comm.size == 1:
-            count = options.jobs if options.command == "sweep" else options.jobs - 1
-            with Processes(count) if options.jobs > 1 else InPlace() as beside:
-                return command(options, comm, beside)
+            return command(options, comm, options.beside)
         if _shares_mesh(options, comm):
             return command(options, comm, InPlace())
         code = 0
