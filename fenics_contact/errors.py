@@ -102,6 +102,7 @@ _SEVERAL: dict[Any, str] = {
     int: "whole numbers",
     str: "strings",
     tuple[float, float]: "pairs of numbers",
+    tuple[float, float, float]: "places [x, y, z]",
 }
 #: Whole numbers are counts: of blocks, elements, steps, points.
 LARGEST_COUNT = 1_000_000
@@ -228,11 +229,11 @@ def check_type(key: str, value: Any, kind: Any) -> None:
             place = f"{key}.{name}" if isinstance(name, str) else f"{key}[{name}]"
             check_type(place, item, inner[1])
     elif origin is tuple and ... not in inner:
-        if is_list and len(value) == 2:
+        if is_list and len(value) == len(inner):
             for item in value:
-                check_type(key, item, float)
+                check_type(key, item, inner[0])
         else:
-            must = "two numbers, [x, y]"
+            must = "two numbers, [x, y]" if len(inner) == 2 else "three numbers, [x, y, z]"
     elif origin in (Sequence, list, tuple):
         if not is_list:
             must = f"a list of {_SEVERAL[inner[0]]}" if inner[0] in _SEVERAL else "a list"

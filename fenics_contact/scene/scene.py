@@ -7,7 +7,7 @@ import copy
 import math
 import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,22 @@ from fenics_contact import compat
 from fenics_contact.errors import InputError, check_types, checked, key_of, require
 from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
+from fenics_contact.scene.rules import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    STRENGTH,
+    Checked,
+    listed,
+    one_of,
+    require_choice,
+    require_profile,
+    require_size,
+    require_vector,
+    rule,
+    ruled,
+    within,
+)
 from fenics_contact.scene.toml_tables import from_table, read_toml
 from fenics_contact.scene.units import UNITS, Units
 
@@ -48,12 +64,8 @@ LONGEST_TITLE = 1000
 SAME_ANGLE = 1e-5
 #: Degrees by which supports can turn: displacements are small.
 MOST_TILT = 5.0
-#: Heights of a profile: cells are cut there.
-MOST_HEIGHTS = 100
 #: Components of forces below this part of their size are rounding.
 ROUNDING = 1e-9
-#: Smallest and largest size of a number that is not 0, in SI units.
-SIZES = 1e-30, 1e30
 #: Largest friction: programs for rigid blocks take coefficients up to 1e15.
 MOST_FRICTION = 1e12
 #: Largest height of soil and water, m, also in map coordinates.
@@ -76,90 +88,8 @@ def _require_pickled(name: str, function: Callable[..., Any] | None) -> None:
         ) from None
 
 
-def _require_size(name: str, value: float) -> None:
-    """Refuse numbers whose squares and products floating point numbers do not hold."""
-    low, high = SIZES
-    problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
-    require(value == 0.0 or low <= abs(value) <= high, problem)
-
-
-def _require_pair(name: str, value: Sequence[float] | str) -> None:
-    """Refuse other than two numbers; the name of a group, in place of them, is let through."""
-    if isinstance(value, str):
-        return
-    good = len(value) == 2 and all(map(math.isfinite, value))
-    require(good, f"{name} = {list(value)} must be two finite numbers")
-    for component in value:
-        _require_size(name, component)
-
-
-def _require_choice(name: str, value: str, known: Sequence[str]) -> None:
-    require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
-
-
-def _require_profile(name: str, value: tuple[tuple[float, float], ...] | str) -> None:
-    """Refuse a profile over the height that is neither a known word nor a table."""
-    if isinstance(value, str):
-        _require_choice(name, value, ("uniform", "triangular"))
-        return
-    count = len(value)
-    few = f"profile has {count} pairs [height, factor]; give 2 to {MOST_HEIGHTS}"
-    require(2 <= count <= MOST_HEIGHTS, few)
-    for pair in value:
-        _require_pair(name, pair)
-    for (low, *_), (high, *_) in pairwise(value):
-        require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
-
-
-#: What refuses a value of a field, by the field's name and the value.
-Rule = Callable[[str, Any], None]
-
-
-def _rule(good: Callable[[Any], bool], text: str, *more: Rule) -> Rule:
-    """A rule for values: what is good, what a message says they must be, and rules after it."""
-
-    def refuse(name: str, value: Any) -> None:
-        require(good(value), f"{name} = {value} {text}")
-        for rule in more:
-            rule(name, value)
-
-    return refuse
-
-
-def _within(low: float, high: float, text: str) -> Rule:
-    return _rule(lambda value: low <= value <= high, text)
-
-
-_NOT_NEGATIVE = _rule(lambda v: 0.0 <= v < math.inf, "must be finite and >= 0", _require_size)
-_STRENGTH = _rule(lambda v: v > 0.0, "must be a positive number (Pa)", _NOT_NEGATIVE)
-_POSITIVE = _rule(lambda v: v > 0.0, "must be a positive number", _NOT_NEGATIVE)
-_FINITE = _rule(math.isfinite, "must be a finite number (m)")
-
-
-def _ruled(rule: Rule, default: Any = MISSING) -> Any:
-    """A field whose values, if not None, keep to a rule."""
-    return field(default=default, metadata={"rule": rule})
-
-
-def _one_of(*known: str) -> Any:
-    """A field with one of these texts, by default the first."""
-    return _ruled(lambda name, value: _require_choice(name, value, known), known[0])
-
-
 @dataclass(frozen=True)
-class _Checked:
-    """Base of what a scene is made of: types and rules of the fields hold, numbers are floats."""
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if value is not None and "rule" in item.metadata:
-                item.metadata["rule"](key_of(item.name), value)
-
-
-@dataclass(frozen=True)
-class Material(_Checked):
+class Material(Checked):
     """Linear elasticity and weight.
 
     Attributes:
@@ -169,16 +99,16 @@ class Material(_Checked):
         compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
     """
 
-    young: float = _ruled(
-        _rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", _require_size)
+    young: float = ruled(
+        rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size)
     )
-    poisson: float = _ruled(_rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"))
-    density: float = _ruled(_NOT_NEGATIVE, 0.0)
-    compressive_strength: float | None = _ruled(_STRENGTH, None)
+    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"))
+    density: float = ruled(NOT_NEGATIVE, 0.0)
+    compressive_strength: float | None = ruled(STRENGTH, None)
 
 
 @dataclass(frozen=True)
-class JointLaw(_Checked):
+class JointLaw(Checked):
     """What a joint carries besides pressure.
 
     Attributes:
@@ -202,15 +132,15 @@ class JointLaw(_Checked):
             between the blocks at two places, m, whatever groups of edges they are in.
     """
 
-    law: str = _one_of("coulomb", "tresca", "frictionless")
-    friction: float | None = _ruled(_NOT_NEGATIVE, None)
-    bound: float | None = _ruled(_NOT_NEGATIVE, None)
-    cohesion: float = _ruled(_NOT_NEGATIVE, 0.0)
-    compressive_strength: float | None = _ruled(_STRENGTH, None)
-    gap: float = _ruled(_NOT_NEGATIVE, 0.0)
-    dilatancy: float = _ruled(_rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
-    tensile_strength: float = _ruled(_NOT_NEGATIVE, 0.0)
-    opened: str = _one_of("kept", "lost")
+    law: str = one_of("coulomb", "tresca", "frictionless")
+    friction: float | None = ruled(NOT_NEGATIVE, None)
+    bound: float | None = ruled(NOT_NEGATIVE, None)
+    cohesion: float = ruled(NOT_NEGATIVE, 0.0)
+    compressive_strength: float | None = ruled(STRENGTH, None)
+    gap: float = ruled(NOT_NEGATIVE, 0.0)
+    dilatancy: float = ruled(rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
+    tensile_strength: float = ruled(NOT_NEGATIVE, 0.0)
+    opened: str = one_of("kept", "lost")
     glued: bool = False
     off: bool = False
     between: tuple[tuple[float, float] | str, ...] | None = None
@@ -266,7 +196,7 @@ class JointLaw(_Checked):
 
 
 @dataclass(frozen=True)
-class EdgeForce(_Checked):
+class EdgeForce(Checked):
     """A force at a place of the structure's outside, wherever nodes are.
 
     Attributes:
@@ -276,14 +206,14 @@ class EdgeForce(_Checked):
         width: The force is spread evenly over so much of the edge, m; 0 for a point.
     """
 
-    force: tuple[float, float] = _ruled(_require_pair)
-    x: float = _ruled(_FINITE)
-    y: float | None = _ruled(_FINITE, None)
-    width: float = _ruled(_NOT_NEGATIVE, 0.0)
+    force: tuple[float, float] = ruled(require_vector)
+    x: float = ruled(FINITE)
+    y: float | None = ruled(FINITE, None)
+    width: float = ruled(NOT_NEGATIVE, 0.0)
 
 
 @dataclass(frozen=True)
-class EarthPressure(_Checked):
+class EarthPressure(Checked):
     """Pressure of soil or water that grows with depth, with the shear of a rough wall.
 
     The pressure at height y is coefficient x (surcharge + unit_weight (level - y)), against the
@@ -299,17 +229,17 @@ class EarthPressure(_Checked):
             the edge down.
     """
 
-    level: float = _ruled(_within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
-    unit_weight: float = _ruled(_NOT_NEGATIVE)
-    coefficient: float = _ruled(_NOT_NEGATIVE, 1.0)
-    surcharge: float = _ruled(_NOT_NEGATIVE, 0.0)
-    wall_friction: float = _ruled(
-        _rule(lambda v: abs(v) < 90.0, "must lie between -90 and 90 degrees"), 0.0
+    level: float = ruled(within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    unit_weight: float = ruled(NOT_NEGATIVE)
+    coefficient: float = ruled(NOT_NEGATIVE, 1.0)
+    surcharge: float = ruled(NOT_NEGATIVE, 0.0)
+    wall_friction: float = ruled(
+        rule(lambda v: abs(v) < 90.0, "must lie between -90 and 90 degrees"), 0.0
     )
 
 
 @dataclass(frozen=True)
-class Movement(_Checked):
+class Movement(Checked):
     """A small movement of a support or foundation: settlement, spreading, tilt.
 
     Attributes:
@@ -317,14 +247,14 @@ class Movement(_Checked):
         rotation: About this point, degrees, anticlockwise.
     """
 
-    displacement: tuple[float, float] = _ruled(_require_pair, (0.0, 0.0))
-    rotation: float = _ruled(
-        _within(-MOST_TILT, MOST_TILT, f"must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees"), 0.0
+    displacement: tuple[float, float] = ruled(require_vector, (0.0, 0.0))
+    rotation: float = ruled(
+        within(-MOST_TILT, MOST_TILT, f"must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees"), 0.0
     )
 
 
 @dataclass(frozen=True)
-class Tie(_Checked):
+class Tie(Checked):
     """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
 
     Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
@@ -340,13 +270,13 @@ class Tie(_Checked):
             and the stiffness that of one, N/m.
     """
 
-    from_: tuple[float, float] | str = _ruled(_require_pair)
-    yield_: float = _ruled(_POSITIVE)
-    to: tuple[float, float] | str | None = _ruled(_require_pair, None)
-    ground: tuple[float, float] | None = _ruled(_require_pair, None)
-    stiffness: float | None = _ruled(_POSITIVE, None)
-    prestress: float = _ruled(_NOT_NEGATIVE, 0.0)
-    spacing: float | None = _ruled(_POSITIVE, None)
+    from_: tuple[float, float] | str = ruled(require_vector)
+    yield_: float = ruled(POSITIVE)
+    to: tuple[float, float] | str | None = ruled(require_vector, None)
+    ground: tuple[float, float] | None = ruled(require_vector, None)
+    stiffness: float | None = ruled(POSITIVE, None)
+    prestress: float = ruled(NOT_NEGATIVE, 0.0)
+    spacing: float | None = ruled(POSITIVE, None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -363,7 +293,7 @@ class Tie(_Checked):
 
 
 @dataclass(frozen=True)
-class Floor(_Checked):
+class Floor(Checked):
     """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
 
     Attributes:
@@ -375,10 +305,10 @@ class Floor(_Checked):
         mass: Whether the live body force acts on its mass, force / 9.81 m/s2, too.
     """
 
-    force: float = _ruled(_NOT_NEGATIVE)
+    force: float = ruled(NOT_NEGATIVE)
     at: str | None = None
-    y: float | None = _ruled(_FINITE, None)
-    x: tuple[float, float] | None = _ruled(_require_pair, None)
+    y: float | None = ruled(FINITE, None)
+    x: tuple[float, float] | None = ruled(require_vector, None)
     mass: bool = False
 
     def __post_init__(self) -> None:
@@ -391,7 +321,7 @@ class Floor(_Checked):
 
 
 @dataclass(frozen=True)
-class Soil(_Checked):
+class Soil(Checked):
     """Soil that lies against outer sides, and pushes back where these move into it.
 
     At depth z below its surface the vertical stress is s = surcharge + unit_weight z. The soil
@@ -413,17 +343,17 @@ class Soil(_Checked):
     """
 
     at: str
-    level: float = _ruled(_within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
-    unit_weight: float = _ruled(_NOT_NEGATIVE)
-    friction_angle: float | None = _ruled(
-        _rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), None
+    level: float = ruled(within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    unit_weight: float = ruled(NOT_NEGATIVE)
+    friction_angle: float | None = ruled(
+        rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), None
     )
-    wall_friction: float = _ruled(
-        _rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0
+    wall_friction: float = ruled(
+        rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0
     )
-    surcharge: float = _ruled(_NOT_NEGATIVE, 0.0)
-    active: float | None = _ruled(_NOT_NEGATIVE, None)
-    passive: float | None = _ruled(_NOT_NEGATIVE, None)
+    surcharge: float = ruled(NOT_NEGATIVE, 0.0)
+    active: float | None = ruled(NOT_NEGATIVE, None)
+    passive: float | None = ruled(NOT_NEGATIVE, None)
     weight: bool = True
 
     def __post_init__(self) -> None:
@@ -451,7 +381,7 @@ class Soil(_Checked):
 
 
 @dataclass(frozen=True)
-class Load(_Checked):
+class Load(Checked):
     """A body force, tractions, forces at places, earth pressure and movements of supports.
 
     Attributes:
@@ -471,19 +401,19 @@ class Load(_Checked):
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
     """
 
-    body: tuple[float, float] = _ruled(_require_pair, (0.0, 0.0))
+    body: tuple[float, float] = ruled(require_vector, (0.0, 0.0))
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tilt: float | bool = _ruled(_within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
+    tilt: float | bool = ruled(within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
     movement: Mapping[str, Movement] = field(default_factory=dict)
-    profile: tuple[tuple[float, float], ...] | str = _ruled(_require_profile, "uniform")
+    profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
     form: LoadForm | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, value in self.traction.items():
-            _require_pair(f"traction.{name}", value)
+            require_vector(f"traction.{name}", value)
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("form", self.form)
@@ -508,7 +438,7 @@ class Load(_Checked):
 
 
 @dataclass(frozen=True)
-class SolveOptions(_Checked):
+class SolveOptions(Checked):
     """How to look for the limit load.
 
     Attributes:
@@ -542,19 +472,19 @@ class SolveOptions(_Checked):
             command line; a scene made in Python shares its mesh as `BlockMesh` was given ranks.
     """
 
-    method: str = _one_of("auto", "fixed-point", "monolithic", "splitting", "active-set")
-    direction: str = _one_of("positive", "negative", "both")
-    tolerance: float = _ruled(_within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6)
-    control: str = _one_of("work", "load")
-    slip: str = _one_of("stress-free", "load-steps")
-    states: str = _one_of("first", "lowest")
+    method: str = one_of("auto", "fixed-point", "monolithic", "splitting", "active-set")
+    direction: str = one_of("positive", "negative", "both")
+    tolerance: float = ruled(within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6)
+    control: str = one_of("work", "load")
+    slip: str = one_of("stress-free", "load-steps")
+    states: str = one_of("first", "lowest")
     lowest: bool | None = None
     error: bool | None = None
-    accuracy: float | None = _ruled(_within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
+    accuracy: float | None = ruled(within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
     peak: bool | None = None
-    time: float | None = _ruled(_rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
-    engine: str = _one_of("auto", "path", "faces")
-    gap: float | None = _ruled(_rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
+    time: float | None = ruled(rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
+    engine: str = one_of("auto", "path", "faces")
+    gap: float | None = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
     distribute: bool | None = None
 
@@ -580,7 +510,7 @@ class SolveOptions(_Checked):
 
 
 @dataclass(frozen=True)
-class OutputOptions(_Checked):
+class OutputOptions(Checked):
     """What to write besides result.json.
 
     Attributes:
@@ -598,7 +528,7 @@ class OutputOptions(_Checked):
     paraview: bool = True
     pictures: bool | str = True
     formats: tuple[str, ...] = ("png",)
-    capacity: int = _ruled(_within(0, 1000, "must lie in 0 ... 1000"), 0)
+    capacity: int = ruled(within(0, 1000, "must lie in 0 ... 1000"), 0)
     report: bool = False
     units: str = "SI"
 
@@ -609,12 +539,12 @@ class OutputOptions(_Checked):
         wrong = f"pictures = '{self.pictures}' must be true, false or \"{ALL}\""
         require(isinstance(self.pictures, bool) or self.pictures == ALL, wrong)
         for name in self.formats:
-            _require_choice("formats", name, FORMATS)
+            require_choice("formats", name, FORMATS)
         require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
 
 
 @dataclass(frozen=True)
-class Seismic(_Checked):
+class Seismic(Checked):
     """The spectral acceleration at which the collapse mechanism starts, of existing masonry.
 
     Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1; see docs/seismic.md.
@@ -624,7 +554,7 @@ class Seismic(_Checked):
             knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
     """
 
-    confidence_factor: float = _ruled(_within(1.0, 10.0, "must lie in 1 ... 10"), 1.35)
+    confidence_factor: float = ruled(within(1.0, 10.0, "must lie in 1 ... 10"), 1.35)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -684,16 +614,16 @@ class Scene(_Shared):
 
     def __post_init__(self) -> None:
         check_types(self)
-        _require_choice("plane.state", self.plane, PLANE)
+        require_choice("plane.state", self.plane, PLANE)
         wide = self.thickness
         problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
         require(wide is None or 0.0 < wide < math.inf, problem)
-        _require_size("plane.thickness", wide or 0.0)
+        require_size("plane.thickness", wide or 0.0)
         require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
         require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
-            _require_choice(f"supports.{name}", kind, SUPPORTS)
+            require_choice(f"supports.{name}", kind, SUPPORTS)
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
             require(law.gap == 0.0, f"foundations.{name} {needless}")
@@ -804,7 +734,7 @@ class Scene(_Shared):
             for block in self.joints[name].between or ():
                 text = f"joints.{name}.between: {source} has no two-dimensional group '{block}'"
                 there = not isinstance(block, str) or block in cells
-                require(there, f"{text}; it has {_listed(cells)}; or give a place in a block")
+                require(there, f"{text}; it has {listed(cells)}; or give a place in a block")
         for table, names, known, number in (
             ("materials", set(self.materials) - {"default"}, cells, "two"),
             ("joints", set(self.joints) - {"default"} - between, facets, "one"),
@@ -817,21 +747,21 @@ class Scene(_Shared):
         ):
             for name in sorted(names):
                 text = f"{table}.{name}: {source} has no {number}-dimensional group '{name}'"
-                require(name in known, f"{text}; it has {_listed(known)}")
+                require(name in known, f"{text}; it has {listed(known)}")
         ends: dict[str, Any] = {f"floors.{n}.at": floor.at for n, floor in self.floors.items()}
         for name, tie in self.ties.items():
             ends |= {f"ties.{name}.from": tie.from_, f"ties.{name}.to": tie.to}
         for key, end in ends.items():
             text = f"{key} = '{end}': {source} has no one-dimensional group '{end}'"
             there = not isinstance(end, str) or end in facets
-            require(there, f"{text}; it has {_listed(facets)}; or give a place by x and y")
+            require(there, f"{text}; it has {listed(facets)}; or give a place by x and y")
         for name, soil in self.soil.items():
             text = f"soil.{name}.at = '{soil.at}': {source} has no one-dimensional group"
-            require(soil.at in facets, f"{text} '{soil.at}'; it has {_listed(facets)}")
+            require(soil.at in facets, f"{text} '{soil.at}'; it has {listed(facets)}")
         held = sorted([*self.foundations, *self.supports])
         for name in sorted(self.dead.movement):
             text = f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation"
-            require(name in held, f"{text}; those of this scene are {_listed(held)}")
+            require(name in held, f"{text}; those of this scene are {listed(held)}")
         roles = sorted([*self.joints, *held])
         for name, following in pairwise(roles):
             text = f"group '{name}' has two roles; it can be a joint, a foundation or a support"
@@ -840,9 +770,9 @@ class Scene(_Shared):
         for groups in self.mesh.cell_sets:
             materials = sorted(groups & set(self.materials))
             cure = f"add [materials.{min(groups)}] or [materials.default]"
-            text = f"cells of {_listed(sorted(groups))} have no material; {cure}"
+            text = f"cells of {listed(sorted(groups))} have no material; {cure}"
             require(bool(materials) or "default" in self.materials, text)
-            text = f"the groups {_listed(materials)} share cells; give one material"
+            text = f"the groups {listed(materials)} share cells; give one material"
             require(len({self.materials[name] for name in materials}) <= 1, text)
 
     def _laws(self) -> dict[str, JointLaw]:
@@ -948,10 +878,6 @@ class Scene(_Shared):
             require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
 
 
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names) or "none"
-
-
 def _as_tables(item: Any) -> Any:
     """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
     if isinstance(item, (np.generic, np.ndarray)):
@@ -975,7 +901,7 @@ class _MeshTable:
     blocks: str = "connected"
 
     def __post_init__(self) -> None:
-        _require_choice("blocks", self.blocks, BLOCKS)
+        require_choice("blocks", self.blocks, BLOCKS)
         require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 

@@ -156,6 +156,9 @@ def _value(key: str, value: Any, kind: Any) -> Any:
                 text = f"[{key}] has no name; give [{key}.NAME]{default}"
                 raise InputError(f"{key}.{name} = {shown(item)}: {text}")
         return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
+    if get_origin(kind) is tuple and is_dataclass(get_args(kind)[0]) and isinstance(value, list):
+        inner = get_args(kind)[0]
+        return tuple(_value(f"{key}[{n}]", item, inner) for n, item in enumerate(value))
     check_type(key, value, kind)
     return with_floats(value, kind)
 

@@ -3,3 +3,25 @@
 Blocks are convex polyhedra, or several that move as one. Where plane sides of two blocks touch, a
 contact carries pressure and Coulomb friction at points. Blocks are rigid; faces are elastic.
 """
+
+from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
+from fenics_contact.spatial.loads import Floor, Force, Load, Sides
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
+
+__all__ = [
+    "Block",
+    "Floor",
+    "Force",
+    "Foundation",
+    "JointLaw",
+    "Load",
+    "Material",
+    "OutputOptions",
+    "Plane",
+    "Polyhedron",
+    "Scene",
+    "Seismic",
+    "Sides",
+    "SolveOptions",
+]

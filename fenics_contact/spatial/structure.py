@@ -26,11 +26,17 @@ class ContactLaw:
         friction: F.
         cohesion: Pa.
         dilatancy: Tangent D of the angle of dilatancy; D <= F.
+        tensile_strength: f_t, Pa; F f_t <= cohesion.
+        compressive_strength: f_c, Pa.
+        key: What messages call it.
     """
 
     friction: float
     cohesion: float = 0.0
     dilatancy: float = 0.0
+    tensile_strength: float = 0.0
+    compressive_strength: float = np.inf
+    key: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,325 @@
+"""Loads in space: what a user gives, and the forces and moments of the blocks that come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from fenics_contact.errors import InputError, require
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene.rules import (
+    FINITE,
+    NOT_NEGATIVE,
+    Checked,
+    listed,
+    require_profile,
+    require_vector,
+    rule,
+    ruled,
+)
+from fenics_contact.spatial.contacts import clipped, polygon_area
+from fenics_contact.spatial.points import polygon_centroid
+from fenics_contact.spatial.polyhedra import Block
+
+Vector = tuple[float, float, float]
+#: Acceleration of a live load that is given by its direction, and of a floor's mass, m/s2.
+GRAVITY = 9.81
+#: Cosine of the largest angle between a side and the direction by which it is chosen: 1 degree.
+SAME_DIRECTION = 0.99985
+#: Distance from a plane or a block that is rounding, in parts of a typical block's size.
+NEAR = 1e-5
+#: Places and weight in a tetrahedron that integrate quadratic functions.
+FAR, CLOSE = 0.1381966011250105, 0.5854101966249685
+
+DIRECTION = rule(any, "must be a direction, not zero", require_vector)
+
+
+@dataclass(frozen=True)
+class Sides(Checked):
+    """Sides of blocks: those of which all holds that is given.
+
+    Attributes:
+        group: They are of blocks of this group.
+        block: They are of this block.
+        normal: They look this way, within one degree.
+        point: This point lies in their plane.
+    """
+
+    group: str | None = None
+    block: str | None = None
+    normal: tuple[float, float, float] | None = ruled(DIRECTION, None)
+    point: tuple[float, float, float] | None = ruled(require_vector, None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = any(value is not None for value in vars(self).values())
+        require(given, "no side is named: give group, block, normal or point")
+
+    def of(self, blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
+        """Numbers of blocks, and corners of their sides, m, shape (corners, 3)."""
+        for number, block in enumerate(blocks):
+            if self.group not in (None, block.group) or self.block not in (None, block.name):
+                continue
+            for piece in block.pieces:
+                for loop, normal in zip(piece.sides, piece.normals, strict=True):
+                    corners = piece.corners[list(loop)]
+                    if self._chosen(corners, normal, near):
+                        yield number, corners
+
+    def _chosen(self, corners: Array, normal: Array, near: float) -> bool:
+        """Whether a side lies where and looks as it should."""
+        wished = normal if self.normal is None else np.array(self.normal)
+        point = corners[0] if self.point is None else np.array(self.point)
+        along = normal @ wished >= SAME_DIRECTION * np.linalg.norm(wished)
+        return bool(along and abs((point - corners[0]) @ normal) <= near)
+
+
+@dataclass(frozen=True)
+class Force(Checked):
+    """A force on one block or on sides.
+
+    Attributes:
+        force: N.
+        block: Name of the block that it acts on; by default the one at `at`.
+        at: Where, m; by default the block's centroid.
+        sides: Name of sides that it is spread over evenly, in place of a block.
+    """
+
+    force: tuple[float, float, float] = ruled(require_vector)
+    block: str | None = None
+    at: tuple[float, float, float] | None = ruled(require_vector, None)
+    sides: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        placed = self.block is not None or self.at is not None
+        require(placed != (self.sides is not None), "give either block or at, or sides")
+
+
+@dataclass(frozen=True)
+class Load(Checked):
+    """Body force, tractions and forces.
+
+    Attributes:
+        body: Acceleration, m/s2, times density.
+        direction: That of `body` in place of it: 9.81 m/s2 this way.
+        traction: Force per area, Pa, by name of sides.
+        force: Forces by any name.
+        profile: Factor on `body` over the height above the lowest point of what moves, of the live
+            load only: "uniform"; "triangular", which grows from 0 and leaves the total as it is; or
+            pairs (height, factor), m and 1, with straight lines between, constant beyond.
+    """
+
+    body: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
+    direction: tuple[float, float, float] | None = ruled(DIRECTION, None)
+    traction: Mapping[str, Vector] = field(default_factory=dict)
+    force: Mapping[str, Force] = field(default_factory=dict)
+    profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        both = self.direction is not None and any(self.body)
+        require(not both, "direction: give either body or direction")
+        for name, value in self.traction.items():
+            require_vector(f"traction.{name}", value)
+
+    @property
+    def acceleration(self) -> Array:
+        """The body force per mass, m/s2."""
+        if self.direction is None:
+            return np.array(self.body)
+        return GRAVITY * np.array(self.direction) / np.linalg.norm(self.direction)
+
+    def factors(self, height: Array, mass: Array) -> Array:
+        """Factors of the profile at heights, m, of masses."""
+        if self.profile == "uniform":
+            return np.ones(len(height))
+        if self.profile == "triangular":
+            return np.asarray(height * mass.sum() / (height @ mass))
+        heights, factors = np.array(self.profile, dtype=float).T
+        return np.interp(height, heights, factors)
+
+
+@dataclass(frozen=True)
+class Floor(Checked):
+    """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
+
+    Its plan is `x` by `y`, by default the rectangle around the top sides that carry it. Each of
+    these gets weight by the area on which the floor lies on it.
+
+    Attributes:
+        z: Height of the top sides, m.
+        force: Its weight per area of its plan, N/m2.
+        x: From where to where it reaches, m.
+        y: Likewise.
+        group: Only blocks of this group carry it.
+        mass: Whether the live body force acts on its mass, weight / 9.81 m/s2, too.
+    """
+
+    z: float = ruled(FINITE)
+    force: float = ruled(NOT_NEGATIVE)
+    x: tuple[float, float] | None = ruled(require_vector, None)
+    y: tuple[float, float] | None = ruled(require_vector, None)
+    group: str | None = None
+    mass: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("x", "y"):
+            low, high = getattr(self, name) or (0.0, 1.0)
+            require(low < high, f"{name} = [{low:g}, {high:g}] must rise, [from, to]")
+
+    def masses(self, key: str, blocks: Sequence[Block], near: float) -> Masses:
+        """Its mass on the blocks that carry it."""
+        tops = Sides(self.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, self.z))
+        found = list(tops.of(blocks, near))
+        require(bool(found), f"{key}: no block has a top side at z = {self.z:g}; move it")
+        corners = np.vstack([loop[:, :2] for _, loop in found])
+        default = zip(corners.min(axis=0), corners.max(axis=0), strict=True)
+        given = [
+            wished or tuple(own) for wished, own in zip((self.x, self.y), default, strict=True)
+        ]
+        (west, east), (south, north) = given
+        plan = np.array([(west, south), (east, south), (east, north), (west, north)])
+        parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
+        parts = [(number, part) for number, part in parts if len(part)]
+        require(bool(parts), f"{key}: no top side at z = {self.z:g} lies within x and y")
+        area = np.array([polygon_area(part) for _, part in parts])
+        mass = self.force * polygon_area(plan) / GRAVITY * area / area.sum()
+        places = [[*polygon_centroid(part), self.z] for _, part in parts]
+        return Masses(np.array([number for number, _ in parts]), np.array(places), mass)
+
+
+@dataclass(frozen=True)
+class Masses:
+    """Point masses that move with blocks.
+
+    Attributes:
+        block: Number of the block, shape (masses,).
+        position: m, shape (masses, 3).
+        mass: kg.
+    """
+
+    block: Indices
+    position: Array
+    mass: Array
+
+    @classmethod
+    def of_blocks(cls, blocks: Sequence[Block], density: Mapping[int, float]) -> Masses:
+        """Points in the blocks of some numbers, whose sums are integrals of quadratic functions."""
+        rule_of_four = np.full((4, 4), FAR) + (CLOSE - FAR) * np.eye(4)
+        number, position, mass = [], [], []
+        for block, heavy in density.items():
+            corners = np.array(list(_tetrahedra(blocks[block])))
+            edges = corners[:, 1:] - corners[:, :1]
+            points = np.einsum("pk,tkd->tpd", rule_of_four, corners).reshape(-1, 3)
+            position.append(points)
+            mass.append(np.repeat(heavy * np.linalg.det(edges) / 24.0, 4))
+            number.append(np.full(len(points), block))
+        return cls(np.concatenate(number), np.vstack(position), np.concatenate(mass))
+
+    def with_(self, *others: Masses) -> Masses:
+        """These and others."""
+        every = (self, *others)
+        return Masses(
+            np.concatenate([one.block for one in every]),
+            np.vstack([one.position for one in every]),
+            np.concatenate([one.mass for one in every]),
+        )
+
+    def forces(self, acceleration: Array, factors: Array | float = 1.0) -> Array:
+        """Forces of inertia or weight, N, shape (masses, 3)."""
+        return np.outer(self.mass * factors, acceleration)
+
+
+def _tetrahedra(block: Block) -> Iterator[Array]:
+    """Tetrahedra of a block's pieces, corners of shape (4, 3), each on an inner point."""
+    for piece in block.pieces:
+        inside = piece.corners.mean(axis=0)
+        for side in piece.sides:
+            for second, third in pairwise(side[1:]):
+                yield np.vstack([inside, piece.corners[[side[0], second, third]]])
+
+
+def summed(blocks: Sequence[Block], number: Indices, place: Array, force: Array) -> Array:
+    """Forces and moments about the centroids, N and N m, shape (blocks, 6), of forces at places."""
+    loads = np.zeros((len(blocks), 6))
+    if len(number):
+        centroid = np.array([block.centroid for block in blocks])
+        np.add.at(loads[:, :3], number, force)
+        np.add.at(loads[:, 3:], number, np.cross(place - centroid[number], force))
+    return loads
+
+
+def surface_loads(
+    key: str, load: Load, blocks: Sequence[Block], sides: Mapping[str, Sides], near: float
+) -> Array:
+    """Tractions and forces as forces and moments of the blocks, shape (blocks, 6)."""
+    loads = np.zeros((len(blocks), 6))
+    given = {f"{key}.traction.{n}": (n, np.array(t), True) for n, t in load.traction.items()}
+    for name, force in load.force.items():
+        vector = np.array(force.force)
+        place = f"{key}.force.{name}"
+        if force.sides is not None:
+            given[place] = (force.sides, vector, False)
+            continue
+        number = numbered(place, blocks, force.block, force.at, near)
+        at = blocks[number].centroid if force.at is None else np.array(force.at)
+        loads += summed(blocks, np.array([number]), at[None], vector[None])
+    for place, (name, vector, per_area) in given.items():
+        require(name in sides, f"{place}: there is no [sides.{name}]; it has {listed(sides)}")
+        found = list(sides[name].of(blocks, near))
+        require(bool(found), f"{place}: no side of a block is as [sides.{name}] says")
+        areas, centres = zip(*(_middle(corners) for _, corners in found), strict=True)
+        share = np.array(areas) / (1.0 if per_area else sum(areas))
+        numbers = np.array([block for block, _ in found])
+        loads += summed(blocks, numbers, np.array(centres), np.outer(share, vector))
+    return loads
+
+
+def _middle(corners: Array) -> tuple[float, Array]:
+    """Area, m2, and centroid, m, of a plane polygon in space."""
+    edges = corners[1:] - corners[0]
+    vectors = np.cross(edges[:-1], edges[1:])
+    whole = vectors.sum(axis=0)
+    area = float(np.linalg.norm(whole))
+    part = vectors @ whole / area**2
+    centres = (corners[0] + corners[1:-1] + corners[2:]) / 3.0
+    return 0.5 * area, np.asarray(part @ centres)
+
+
+def numbered(
+    key: str, blocks: Sequence[Block], name: str | None, at: Sequence[float] | None, near: float
+) -> int:
+    """Number of the block with a name, or of the one at a place, m.
+
+    Raises:
+        InputError: If there is none, or more than one.
+    """
+    numbers = [k for k, block in enumerate(blocks) if block.name == name]
+    if name is not None:
+        require(bool(numbers), f"{key}: there is no block '{name}'")
+        require(len(numbers) < 2, f"{key}: {len(numbers)} blocks are called '{name}'; give at")
+        return numbers[0]
+    place = np.array(at)
+    numbers = [k for k, block in enumerate(blocks) if _holds(block, place, near)]
+    text = "(" + ", ".join(f"{value:g}" for value in place) + ")"
+    if len(numbers) > 1:
+        names = listed(blocks[k].name or str(k) for k in numbers)
+        raise InputError(f"{key}: {text} is on a joint, of the blocks {names}; move it")
+    require(bool(numbers), f"{key}: there is no block at {text}")
+    return numbers[0]
+
+
+def _holds(block: Block, place: Array, near: float) -> bool:
+    """Whether a place, m, is in a block, or as near to it as that."""
+    return any(
+        all(
+            (place - piece.corners[side[0]]) @ normal <= near
+            for side, normal in zip(piece.sides, piece.normals, strict=True)
+        )
+        for piece in block.pieces
+    )
