@@ -611,7 +611,7 @@ def save(view: View, title: str, paths: Sequence[Path | BinaryIO], *draws: Draw)
     places = figure.subplots(1, len(draws), squeeze=False, sharex=True, sharey=True)
     for axes, draw in zip(places[0], draws, strict=True):
         draw(axes, view)
-    _save(figure, title, paths)
+    save_figure(figure, title, paths)
 
 
 def save_capacity(
@@ -625,10 +625,10 @@ def save_capacity(
 
     figure = Figure(figsize=(7.0, 4.5), dpi=DPI, layout="constrained")
     draw_capacity(figure.subplots(), points, end)
-    _save(figure, title or "Capacity curve", paths)
+    save_figure(figure, title or "Capacity curve", paths)
 
 
-def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
+def save_figure(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     """Write a figure with its title and tight margins, laid out once for all files.
 
     PNG is without transparency, and packed by runs of equal pixels: a third of the time of

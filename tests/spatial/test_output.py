@@ -1,0 +1,208 @@
+"""Files of structures in space: ParaView, pictures, the viewer."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fenics_contact.spatial.contacts import contacts_of
+from fenics_contact.spatial.limit import collapse_of
+from fenics_contact.spatial.picture import draw_collapse, draw_view
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.view import ContactState, SpatialView
+from fenics_contact.spatial.viewer import viewer_page, write_viewer
+from fenics_contact.spatial.vtu import write_fields
+
+GROUND = Block((Polyhedron.box([-3, -3, -0.2], [3, 3, 0]),), "ground", "ground", fixed=True)
+
+
+def box(low, high, name="", group="default"):
+    return Block((Polyhedron.box(low, high),), name, group)
+
+
+def structure_of(blocks, friction, direction):
+    """Blocks under their weight, pushed by a part of it."""
+    blocks = (GROUND, *blocks)
+    contacts = contacts_of(blocks)
+    weight = np.array([0.0 if block.fixed else block.volume for block in blocks])
+    dead = np.outer(weight, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    live = np.outer(weight, [*direction, 0.0, 0.0, 0.0])
+    laws = (ContactLaw(friction),) * len(contacts)
+    return Structure(blocks, contacts, laws, dead, live, quick=True)
+
+
+TOWER = (
+    box([-0.5, -0.5, 0], [0.5, 0.5, 1], "lower", "tower"),
+    box([-0.5, -0.5, 1], [0.5, 0.5, 2], "upper", "tower"),
+)
+
+
+@pytest.fixture(scope="module")
+def tipping():
+    """A tower that turns about its edge at x = 0.5 under half its weight."""
+    structure = structure_of(TOWER, 0.8, [1.0, 0.0, 0.0])
+    return SpatialLimit(None, structure, {"positive": collapse_of(structure)})
+
+
+@pytest.fixture(scope="module")
+def sliding():
+    structure = structure_of(TOWER, 0.3, [0.0, 1.0, 0.0])
+    return SpatialLimit(None, structure, {"positive": collapse_of(structure)})
+
+
+def test_contacts_know_what_they_do(tipping, sliding):
+    view = SpatialView.of(tipping.structure, tipping.collapse)
+    foot = [contact.first == 0 for contact in tipping.structure.contacts].index(True)
+    states = list(view.contacts.state)
+    assert states.pop(foot) == ContactState.ROCKS
+    assert states == [ContactState.CLOSED]
+    # The largest displacement is 8 % of the height; upright motion of the edge that lifts: a half.
+    assert np.linalg.norm(view.displacement, axis=1).max() == pytest.approx(0.16)
+    assert view.contacts.opening[foot] == pytest.approx(0.16 / 5**0.5, rel=1e-6)
+    assert view.contacts.pressure[foot] == pytest.approx(2.0)
+    assert view.contacts.utilisation[foot] == pytest.approx(0.5 / 0.8)
+    slides = SpatialView.of(sliding.structure, sliding.collapse)
+    assert ContactState.SLIDES in slides.contacts.state
+    assert slides.utilisation[1] == pytest.approx(1.0)
+
+
+# ---- ParaView
+
+
+def arrays(path):
+    """Arrays of a VTU file by name."""
+    found = {}
+    for one in ElementTree.parse(path).iter("DataArray"):
+        data = base64.b64decode(one.text[:24]), base64.b64decode(one.text[24:])
+        kind = {"Float64": "<f8", "Int32": "<i4", "UInt8": "u1"}[one.get("type")]
+        values = np.frombuffer(zlib.decompress(data[1]), kind)
+        assert list(np.frombuffer(data[0], "<u4")) == [
+            1,
+            values.nbytes,
+            values.nbytes,
+            len(data[1]),
+        ]
+        found[one.get("Name")] = values.reshape(-1, int(one.get("NumberOfComponents", 1)))
+    return found
+
+
+def test_paraview_files(tipping, tmp_path):
+    write_fields(tipping, tmp_path)
+    blocks = arrays(tmp_path / "blocks.vtu")
+    assert list(blocks["types"].ravel()) == [42, 42, 42]
+    assert list(blocks["faceoffsets"].ravel()) == [31, 62, 93]
+    assert list(blocks["faces"][:6].ravel()) == [6, 4, 0, 3, 2, 1]
+    top = blocks["Points"][:, 2] == 2.0
+    # It turns about x = 0.5, z = 0: 8 % of the height at the farthest corner.
+    left = top & (blocks["Points"][:, 0] == -0.5)
+    assert blocks["displacement"][left] == pytest.approx(
+        np.tile([2.0, 0.0, 1.0], (2, 1)) * 0.16 / 5**0.5, rel=1e-6
+    )
+    contacts = arrays(tmp_path / "contacts.vtu")
+    assert sorted(contacts["pressure"].ravel()) == pytest.approx([1.0, 2.0])
+    series = ElementTree.parse(tmp_path / "collapse.pvd").findall(".//DataSet")
+    assert [one.get("timestep") for one in series][::5] == ["0", "0.5", "1"]
+    last = arrays(tmp_path / series[-1].get("file"))
+    assert last["Points"] == pytest.approx(blocks["Points"] + blocks["displacement"])
+
+
+def test_vtk_reads_the_files(tipping, tmp_path):
+    vtk = pytest.importorskip("vtk")
+    write_fields(tipping, tmp_path)
+    for name, measure, whole in (("blocks", "Volume", 9.2), ("contacts", "Area", 2.0)):
+        reader = vtk.vtkXMLUnstructuredGridReader()
+        reader.SetFileName(str(tmp_path / f"{name}.vtu"))
+        sizes = vtk.vtkCellSizeFilter()
+        sizes.SetInputConnection(reader.GetOutputPort())
+        sizes.Update()
+        values = sizes.GetOutput().GetCellData().GetArray(measure)
+        total = sum(values.GetValue(k) for k in range(values.GetNumberOfTuples()))
+        assert total == pytest.approx(whole)
+
+
+def test_meshio_reads_the_files(tipping, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    write_fields(tipping, tmp_path)
+    blocks = meshio.read(tmp_path / "blocks.vtu")
+    assert [(cells.type, len(cells)) for cells in blocks.cells] == [("polyhedron8", 3)]
+
+
+# ---- pictures
+
+FRONT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def colour_at(blocks, turn, place, falling):
+    """What is seen at a place of a view of blocks at rest."""
+    structure = structure_of(blocks, 0.5, [1.0, 0.0, 0.0])
+    view = SpatialView.of(structure, SpatialCollapse("unstable", falling=(falling,)))
+    figure = Figure(figsize=(4, 4), dpi=50)
+    axes = figure.add_axes([0, 0, 1, 1])
+    draw_view(axes, view, turn)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    x, y = axes.transData.transform(place)
+    pixels = np.asarray(canvas.buffer_rgba())
+    return pixels[len(pixels) - 1 - int(y), int(x), :3].astype(int)
+
+
+def test_the_nearest_block_is_seen():
+    # The beam's centroid is nearer to the eye than the post's, but the beam passes behind it.
+    post = box([0, 0, 0], [0.4, 0.4, 2], "post")
+    plan = [(-0.2, 1.1), (6.0, -5.1), (6.0, -4.9), (-0.2, 1.3)]
+    corners = [(x, y, z) for z in (0.8, 1.2) for x, y in plan]
+    beam = Block((Polyhedron.hexahedron(corners),), "beam")
+    for blocks, falling in (((post, beam), 1), ((beam, post), 2)):
+        for height in (0.5, 1.0, 1.5):
+            seen = colour_at(blocks, FRONT, (0.2, height), falling)
+            assert seen[0] > seen[2] + 40, height  # orange
+        seen = colour_at(blocks, FRONT, (1.0, 1.0), falling)
+        assert np.ptp(seen) < 10  # grey
+
+
+def test_pictures_are_written(tipping, tmp_path):
+    both = {"positive": tipping.collapse, "negative": tipping.collapse}
+    draw_collapse(SpatialLimit(None, tipping.structure, both), tmp_path, ("png", "svg"))
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [
+        f"collapse{end}.{kind}" for end in ("", "_negative") for kind in ("png", "svg")
+    ]
+    words = (tmp_path / "collapse.svg").read_text()
+    assert "oblique" in words
+
+
+# ---- the viewer
+
+
+def test_viewer_needs_no_other_file(tipping, tmp_path):
+    write_viewer(tipping, tmp_path)
+    page = (tmp_path / "viewer.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?:|src=|href=|@import|url\(", page)
+    data = json.loads(re.search(r'application/json">(.*)</script>', page).group(1))
+    assert [block["name"] for block in data["blocks"]] == ["ground", "lower", "upper"]
+    assert data["views"][0]["share"] == pytest.approx([0.0, 2**0.5 / 5**0.5, 1.0], abs=1e-3)
+    assert len(data["shapes"]) == 1
+
+
+def test_viewer_is_small_and_holds_any_name():
+    names = [f"</script><b>{number}" for number in range(500)]
+    row = [
+        box([k % 10, k // 10, 0], [k % 10 + 1, k // 10 + 1, 1.1234], names[k]) for k in range(500)
+    ]
+    mode = np.random.default_rng(0).normal(size=(501, 6))
+    collapse = SpatialCollapse("limit", 1.0, 0.0, mode=mode)
+    page = viewer_page(
+        SpatialLimit(None, structure_of(row, 0.5, [1, 0, 0]), {"positive": collapse})
+    )
+    assert page.count("</script>") == 2
+    assert len(page) < 300_000
