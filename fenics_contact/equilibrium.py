@@ -120,6 +120,9 @@ class Equilibrium(ServiceState, Pictured):
         if self.joint_values is not None:
             held = tension_lines(self.ties, words.units)
             held += soil_lines(soil_forces(self.layout, self.joint_values), words.units)
+            if self.engine == "faces":  # which tell of one of many
+                among = "in one of its equilibria:"
+                held = [replace(line, head=f"{line.head.rstrip(':')} {among}") for line in held]
             lines += words.merged([("", line) for line in held], [""])
         if not verbose:
             return "\n".join(lines)

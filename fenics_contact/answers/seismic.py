@@ -100,7 +100,10 @@ class SeismicAnswer(Asked):
             f" part{'s' * (check.parts != 1)}"
         )
         found = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
-        return [Line("seismic: a0* =", found), Line("a0* comes of", comes_of, verbose=True)]
+        return [
+            Line("seismic check: it starts at a spectral acceleration a0* of", found),
+            Line("a0* comes of", comes_of, verbose=True),
+        ]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """Names and values of its table."""

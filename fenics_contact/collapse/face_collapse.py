@@ -28,6 +28,7 @@ from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.results.bounds import counted
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
 from fenics_contact.results.result import Answer, Collapse, Table
@@ -63,7 +64,7 @@ class CrushingAnswer(Answer):
         first = self.value[0]
         count = len(self.value)
         place = words.units.place(first.position, 3).removesuffix(" m")
-        rest = f", {count - 1} more over less" if count > 1 else ""
+        rest = f", {counted(count - 1, 'other joint')} over less" if count > 1 else ""
         length = words.units.small(first.length)
         return [Line("crushing:", f"{first.group} crushes over {length} at {place}{rest}")]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -28,6 +28,9 @@ from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
+
+#: Distance from the load factor of the collapse, relative, below which a path is on its plateau.
+PLATEAU = 1e-4
 
 
 def raise_load(case: LoadCase) -> Collapse:
@@ -254,21 +257,13 @@ def capacity_curve(
     unit = case.problem.sum(np.abs(case.problem.live))
     # Denser at first, where the path bends.
     fractions = (np.arange(1, points + 1) / points) ** 1.5
-    works = [float(SEARCH.beyond_onset * end.state.work * part) for part in fractions]
-    tolerance = case.discretization.scene.solve.tolerance
-    task = Task(case.unrecorded, works[-1], case.scales_at(works[-1]), tolerance)
-    path = LoadingPath(task)
+    last = SEARCH.beyond_onset * end.state.work
     found: dict[int, CapacityPoint] = {}
+    works: list[float] = []
     try:
-        point = path.begin(min(case.bonded_work, works[0]), rising_mu(task))
-        for number, work in enumerate(works, 1):
-            try:
-                *_, end_of_step = path.points(point, work)
-                point = end_of_step.point
-                state = to_end(replace(task, work=work), end_of_step.state, point.mu).state
-            except SolverError as error:
-                _log.info("capacity curve: no state with T = %.3g: %s", work, error)
-                continue
+        last = _early_plateau(case, end, end.state) or last
+        works = [float(last * part) for part in fractions]
+        for number, state in _states_at(case, works):
             found[number] = CapacityPoint(state.load_factor, *_moved(case, state))
             monitor(number, points, found[number])
     except Stopped as stop:
@@ -280,3 +275,36 @@ def capacity_curve(
         if (carried := getattr(answer.value, "state", None)) is not None:
             curve.append(CapacityPoint(carried.load_factor, *_moved(case, carried)))
     return sorted(curve, key=lambda point: point.work)
+
+
+def _states_at(case: LoadCase, works: Sequence[float]) -> Iterator[tuple[int, State]]:
+    """States of the path at rising works, each with the number of its work; 1 is the first."""
+    tolerance = case.discretization.scene.solve.tolerance
+    task = Task(case.unrecorded, works[-1], case.scales_at(works[-1]), tolerance)
+    path = LoadingPath(task)
+    point = path.begin(min(case.bonded_work, works[0]), rising_mu(task))
+    for number, work in enumerate(works, 1):
+        try:
+            *_, end_of_step = path.points(point, work)
+            point = end_of_step.point
+            yield number, to_end(replace(task, work=work), end_of_step.state, point.mu).state
+        except SolverError as error:
+            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+
+
+def _early_plateau(case: LoadCase, end: Collapse, onset: State) -> float:
+    """Work at twice that from which the path is on its plateau; 0 where this is near the onset.
+
+    A path that passes above the collapse on its way is followed as far as the onset.
+    """
+    if any(getattr(one.value, "state", None) is not None for one in end.answers.values()):
+        return 0.0
+    count = max(int(math.log2(max(onset.work / case.bonded_work, 1.0))), 1)
+    works = [case.bonded_work * 2.0**k for k in range(count)]
+    flat = 0
+    for number, state in _states_at(case, works):
+        away = abs(state.load_factor - onset.load_factor) > PLATEAU * abs(onset.load_factor)
+        flat = 0 if away else flat + 1
+        if flat == 2:
+            return works[number - 1]
+    return 0.0

@@ -61,6 +61,8 @@ BRACKET = ("lower", "upper", "frictionless", "meet")
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
 #: Title of blocks that fall.
 FALLS = "does not stand under its dead load"
+#: Gap of a load factor above which the titles of pictures have it.
+WIDE_GAP = 1e-3
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 #: Units by key; keys without one have numbers without unit, or words.
@@ -263,7 +265,8 @@ def _title(end: Collapse, reversal: str) -> str:
     """Status and load factor of a collapse and its bracket, rounded alike."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
     status += f"{end.searched.partition(',')[0]}, " if end.searched else ""
-    reversal += f", gap {end.gap:.0e}" if end.gap is not None else ""
+    wide = end.gap is not None and end.gap > WIDE_GAP
+    reversal += f", gap {end.gap:.0e}" if wide else ""
     factor = end.load_factor
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
     return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"

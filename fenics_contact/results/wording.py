@@ -166,11 +166,12 @@ class Wording:
             parts = [(name, line) for name, line in told if line.head == head]
             first = parts[0][1]
             texts = [line.text for _, line in parts]
+            between = "; " if any(", " in text for text in texts) else ", "
             if len(of) > 1 and (len(parts) == 1 or len(set(texts)) > 1):
-                texts = [f"{line.text} {self.way(name)}".strip() for name, line in parts]
+                pairs = [(line.text, self.way(name)) for name, line in parts]
+                texts = [" ".join(pair[:: -1 if ";" in between else 1]).strip() for pair in pairs]
             else:
                 texts = texts[:1]
-            between = "; " if any(", " in text for text in texts) else ", "
             found.append(f"{head} {between.join(texts)}{first.tail}".strip())
         return found
 

@@ -12,7 +12,7 @@ TOLD = {
 it collapses at 0.4168 g to the right, 0.4168 g to the left (verified)
 lowest collapse state found, with any self-stress: this one; nothing carries more than 0.477
 mesh and stiffness: 0.4168 to 0.454 while this mechanism stays
-seismic: a0* = 3.036 m/s2 = 0.3095 g
+seismic check: it starts at a spectral acceleration a0* of 3.036 m/s2 = 0.3095 g
 ties: eaves 2 kN/m (yields)
 """,
     "gate": """\
@@ -43,7 +43,7 @@ lowest collapse state found, with any self-stress: this one; nothing carries mor
     "wall with opening": """\
 it collapses at 0.2946 g to the left (verified)
 lowest collapse state found, with any self-stress: this one; nothing carries more than 0.328
-crushing: base crushes over 134 mm at (0, 0), 1 more over less
+crushing: base crushes over 134 mm at (0, 0), 1 other joint over less
 """,
 }
 

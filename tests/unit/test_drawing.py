@@ -89,7 +89,7 @@ def test_lines_and_open_polylines_are_groups_and_layers_have_no_case(sheet):
     assert contents.notes == (
         "left out: 1 on layer 'hidden', which is off or frozen",
         "left out: 1 closed CIRCLE (else give the layer with --blocks)",
-        "left out: layer 'far', on whose lines no side of a block lies",
+        "left out: lines on layer 'far', as no side of a block lies on them",
     )
 
 

@@ -41,6 +41,22 @@ def test_lines_that_cross_overlap_and_are_drawn_twice(sheet):
     assert areas(sheet.read()) == pytest.approx([1.0, 1.0])
 
 
+def test_stones_of_one_layer_as_closed_polylines_and_as_lines(sheet):
+    """Those of lines that miss each other are told of, and taken with the layer as their group."""
+    sheet.box(0, 0, 1, 1)
+    sheet.box(2.02, 0, 3, 1)
+    corners = [(1.01, 0), (2.01, 0), (2.01, 1), (1.01, 1), (1.01, 0.01)]
+    sheet.lines(*pairwise(corners), layer="STONE")
+    contents = sheet.read()
+    assert len(contents.drawing.blocks) == 2
+    assert contents.slips == (
+        "1 outline of lines on layer STONE left out, beside closed polylines there: if they are"
+        " stones, --blocks STONE --snap 0.01 takes them"
+    )
+    contents = sheet.read(snap=0.01, blocks="STONE")
+    assert contents.drawing.names == ["STONE"] * 3 and not contents.slips
+
+
 def test_faces_below_arcs_ellipses_and_splines_are_blocks(sheet):
     sheet.lines(((0, 0), (6, 0)))
     layer = {"layer": "JOINTS"}
@@ -243,7 +259,9 @@ def test_line_named_base_that_no_block_touches(sheet):
     sheet.lines(((0, -1), (1, -1)), layer="base")
     contents = sheet.read()
     assert contents.lengths == pytest.approx({"base": 1.0})
-    assert said(contents, "layer 'base', on whose lines no side of a block lies", "lowest level")
+    assert said(
+        contents, "lines on layer 'base', as no side of a block lies on them", "lowest level"
+    )
 
 
 def test_bytes_that_are_no_text_are_replaced(sheet):

@@ -228,6 +228,13 @@ def test_no_capacity_curve():
     assert without.factorizations < traced.factorizations
 
 
+def test_a_capacity_curve_shows_how_the_load_rises():
+    """A wall that slides long before its collapse has come to its end."""
+    *rising, last = limit_load(sliding_wall()).trace_capacity(points=10)
+    assert sum(point.load_factor < 0.299 for point in rising) > 3
+    assert last.load_factor == pytest.approx(0.3, rel=1e-4)
+
+
 def test_result_is_one_line_and_a_summary_is_more(result):
     assert repr(result) == f"<LimitLoad: limit, load factor {result.load_factor:.8g}," + (
         f" load factor {result.load_factor_negative:.8g}>"

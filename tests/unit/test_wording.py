@@ -85,4 +85,6 @@ def test_lines_of_both_directions_are_one():
     apart = [(way, Line("mesh:", text, " here")) for way, text in zip(ways, "12", strict=True)]
     assert words.merged(apart, ways) == ["mesh: 1 to the right, 2 to the left here"]
     assert words.merged(apart[1:], ways) == ["mesh: 2 to the left here"]
+    lists = [(way, Line("ties:", text)) for way, text in zip(ways, ("a, b", "c"), strict=True)]
+    assert words.merged(lists, ways) == ["ties: to the right a, b; to the left c"]
     assert words.merged(apart[1:], ways[1:]) == ["mesh: 2 here"]

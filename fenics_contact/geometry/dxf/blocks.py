@@ -6,6 +6,7 @@ coordinates is moved to its own origin, because its digits would not do for the 
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -141,13 +142,14 @@ def read_dxf(
     origin, size = _own_origin(found)
     near = COINCIDENT * size
     chains = chains_of_chords(found.curves, near)
-    by_role = curve_roles(found, chains, roles or LayerRoles(), near)
-    bounding = [*by_role.lines, *by_role.voids, *by_role.blocks]
+    given = roles or LayerRoles()
+    by_role = curve_roles(found, chains, given, near)
 
-    def attempt(reach: float) -> _Reading:
+    def attempt(reach: float, some: CurveRoles = by_role) -> _Reading:
         """The drawing with a `snap`, before its blocks are found."""
+        bounding = [*some.lines, *some.voids, *some.blocks]
         curves = snapped_curves(found.curves, bounding, reach) if reach else found.curves
-        return _Reading(replace(found, curves=curves), by_role, near, origin, reach)
+        return _Reading(replace(found, curves=curves), some, near, origin, reach)
 
     read = attempt(snap)
     slips = ""
@@ -157,6 +159,11 @@ def read_dxf(
             read.take_blocks()
         finally:
             slips, mend = _slips(read, attempt)
+        layers = by_role.layers_of_both(found.curves)
+        if layers and not given.blocks:
+            asked = replace(given, blocks=[found.curves[k].layer for k in by_role.blocks])
+            other = curve_roles(found, chains, asked, near)
+            slips = slips or _stones_by_lines(read, layers, lambda reach: attempt(reach, other))
         if close:
             read.close_joints()
         return read.contents(slips, mend)
@@ -204,6 +211,40 @@ def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> tuple[str, f
         if number
     ]
     return f"{', '.join(parts)}: --snap {mended.snap:g} mends them", mended.snap
+
+
+def _stones_by_lines(
+    read: _Reading, layers: Sequence[str], attempt: Callable[[float], _Reading]
+) -> str:
+    """What is lost where some stones of a layer are closed curves and others lie between lines.
+
+    Args:
+        read: The drawing with its closed curves as blocks.
+        layers: With closed curves that are blocks, and lines.
+        attempt: The drawing with a `snap` and faces between these lines, before blocks are found.
+
+    Returns:
+        All of it in a line, empty if nothing is lost.
+    """
+    other = attempt(read.snap)
+    try:
+        other.take_blocks()
+        mend = _slips(other, attempt)[1]
+        if mend:
+            other = attempt(mend)
+            other.take_blocks()
+    except InputError:
+        return ""
+    count = int(np.sum(inside_outlines(inner_points(other.blocks), read.blocks) < 0))
+    if not count:
+        return ""
+    blocks = ",".join(dict.fromkeys(read.names))
+    cure = f"--blocks {shlex.quote(blocks)}{f' --snap {mend:g}' if mend else ''}"
+    what = "outline" if count == 1 else "outlines"
+    return (
+        f"{count} {what} of lines on layer {', '.join(layers)} left out, beside closed polylines"
+        f" there: if they are stones, {cure} takes them"
+    )
 
 
 def _own_origin(found: Curves) -> tuple[Array, float]:
@@ -336,15 +377,20 @@ class _Reading:
             faces = faces_between([*lines, *voids, *closed], self.near)
         self.faces = faces
         self.voids = openings(faces, on_lines(faces.edges, voids, self.near))
-        edges = faces.edges[on_lines(faces.edges, lines, self.near)]
-        drawn = set(map(frozenset, (edges @ [1.0, 1.0j]).tolist()))
+        drawn: dict[frozenset[complex], str] = {}  # layers of lines, those of closed blocks last
+        stones = {curves[k].layer for k in roles.blocks}
+        for layer in sorted({curves[k].layer for k in roles.lines}, key=stones.__contains__):
+            some = self._rings([k for k in roles.lines if curves[k].layer == layer])
+            edges = faces.edges[on_lines(faces.edges, some, self.near)]
+            drawn |= {frozenset(side): layer for side in (edges @ [1.0, 1.0j]).tolist()}
         inner = inner_points(faces.outlines)
         owner = inside_outlines(inner, [self.chains[k] for k in roles.blocks])
         void = inside_outlines(inner, self.voids) >= 0
         for k, outline in enumerate(faces.outlines):
             corners = (outline @ [1.0, 1.0j]).tolist()
-            by_lines = any(frozenset(side) in drawn for side in pairwise([*corners, corners[0]]))
-            if void[k] or (owner[k] < 0 and not by_lines):
+            sides = [frozenset[complex](side) for side in pairwise([*corners, corners[0]])]
+            layers = {drawn[side] for side in sides if side in drawn}
+            if void[k] or (owner[k] < 0 and not layers):
                 continue
             if faces.holes[k]:
                 raise InputError(
@@ -353,10 +399,15 @@ class _Reading:
                     " from there to the outline, or name the layer with --voids or --ignore"
                 )
             self.blocks.append(outline)
-            self.names.append(curves[roles.blocks[owner[k]]].layer if owner[k] >= 0 else "blocks")
-        layers = ", ".join(sorted({curves[k].layer for k in roles.lines}))
+            if owner[k] >= 0:
+                self.names.append(curves[roles.blocks[owner[k]]].layer)
+            else:  # stones of one layer, some as closed curves, others as lines
+                self.names.append(
+                    *(layers if len(layers) == 1 and layers <= stones else ["blocks"])
+                )
+        listed = ", ".join(sorted({curves[k].layer for k in roles.lines}))
         text = (
-            f"the lines on layers {layers} enclose no face, which would be a block"
+            f"the lines on layers {listed} enclose no face, which would be a block"
             f" ({'; '.join(self.notes) or 'it is empty'})"
         )
         require(bool(self.blocks), f"{self.found.source}: {text}")
@@ -483,9 +534,11 @@ class _Reading:
         for name, count in Counter(self.names).items():
             large = areas[np.array(self.names) == name].mean() / median
             if large > LARGE and count < 0.5 * len(self.names):
+                one = count == 1
                 self.notes.append(
-                    f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large"
-                    f" as the median; if they are openings, give --voids {name}"
+                    f"warning: the {'block' if one else f'{count} blocks'} on layer '{name}'"
+                    f" {'is' if one else 'are'} {large:.1f} times as large as the median; if"
+                    f" {'it is an opening' if one else 'they are openings'}, give --voids {name}"
                 )
         unit = self.found.unit
         width = float(np.sqrt(median))
@@ -519,7 +572,7 @@ class _Reading:
             lines.setdefault(curves[k].layer, []).extend(pairwise(scale * ring))
         every = replace(drawing, groups=lines).lengths()
         self.notes += [
-            f"left out: layer '{name}', on whose lines no side of a block lies"
+            f"left out: lines on layer '{name}', as no side of a block lies on them"
             for name in lines
             if every[name] == 0.0
         ]

@@ -110,6 +110,11 @@ class CurveRoles:
     sides: list[int] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    def layers_of_both(self, curves: Sequence[Curve]) -> list[str]:
+        """Layers with closed curves that are blocks and lines that bound none."""
+        lines = {curves[k].layer for k in self.sides if not curves[k].closed}
+        return sorted(lines & {curves[k].layer for k in self.blocks})
+
 
 def curve_roles(
     found: Curves, chains: Sequence[Array], given: LayerRoles, near: float

@@ -7,7 +7,8 @@ words, and by blocks that a slider moves.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +67,8 @@ class PrintedPicture:
 
 
 PICTURE = PrintedPicture()
+#: Sides in a mirror.
+SIDES = {"left": "right", "right": "left"}
 #: What is not in the model, where a client asks what decides.
 UNCRACKED = "Blocks do not crack: that is not in the model."
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
@@ -126,11 +129,14 @@ def first_page(content: Content) -> Iterator[str]:
 def _collapses(record: Record) -> Iterator[str]:
     """What the blocks do in the collapse of each direction, in a sentence."""
     told = wording(record)
+    before = ""
     for direction, end in record["ends"].items():
-        if end["mechanism"] and end["mechanism"]["words"]:
+        if end["mechanism"] and (words := end["mechanism"]["words"]):
             way = _sentence(told.way(direction)).removesuffix(".")
             way = f"{way}: " if len(record["ends"]) > 1 else ""
-            yield _sentence(f"{way}{end['mechanism']['words']}")
+            mirrored = re.sub("left|right", lambda side: SIDES[side[0]], words)
+            yield _sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
+            before = words
 
 
 def _sentence(words: str) -> str:
@@ -162,18 +168,23 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
     down = math.hypot(*scene["loads"]["dead"]["body"])
-    for kind, noun in (
-        ("materials", "material"),
-        ("joints", "joints"),
-        ("foundations", "foundation"),
-    ):
-        for name, one in list(scene[kind].items())[:SHOWN]:
-            told = _material(one, down, units) if kind == "materials" else _law(one, units)
-            yield f"{noun} {name}", told
+    kinds: dict[str, Callable[[Record], str]] = {
+        "material": lambda one: _material(one, down, units),
+        "joint": lambda one: _law(one, units),
+        "foundation": lambda one: _law(one, units),
+        "floor": lambda one: floor_text(one, units),
+        "tie": lambda one: _tie(one, units),
+    }
+    for noun, told in kinds.items():
+        alike: dict[str, list[str]] = {}
+        for name, one in (scene.get(f"{noun}s") or {}).items():
+            alike.setdefault(told(one), []).append(name)
+        for words, names in list(alike.items())[:SHOWN]:
+            more = f" and {len(names) - SHOWN} more" * (len(names) > SHOWN)
+            several = "s" * (len(names) > 1 or noun == "joint")
+            yield f"{noun}{several} {', '.join(names[:SHOWN])}{more}", words
     if names := scene.get("supports"):
         yield "supports", ", ".join(names)
-    for name, tie in list((scene.get("ties") or {}).items())[:SHOWN]:
-        yield f"tie {name}", _tie(tie, units)
     for one in list(record.get("soil") or [])[:SHOWN]:
         least, most = (units.text(one[key], f"N {PER_METRE}", 4) for key in ("active", "passive"))
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"
@@ -190,6 +201,19 @@ def _material(one: Record, gravity: float, units: Units) -> str:
     if one.get("compressive_strength"):
         parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
     return ", ".join(parts)
+
+
+def floor_text(one: Record, units: Units) -> str:
+    """Weight of a floor, where it lies, and whether the live load takes it along."""
+    weight = units.text(one["force"], "N/m2")
+    if units.thickness:
+        weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
+    where = f"on {one.get('at')}"
+    if not one.get("at"):
+        start, end = one["x"]
+        where = f"at y = {units.length(one['y'])}, x from {units.length(start)} to"
+        where += f" {units.length(end)}"
+    return f"{weight} {where}, {'with' if one['mass'] else 'without'} its mass"
 
 
 def _tie(one: Record, units: Units) -> str:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
-from fenics_contact.output.report.answer import first_page, how_it_fails
+from fenics_contact.output.report.answer import first_page, floor_text, how_it_fails, wording
 from fenics_contact.output.report.content import (
     RECORD,
     Content,
@@ -184,8 +184,8 @@ def loads_and_groups(content: Content) -> Iterator[str]:
     if address := content.pictures.get("scene"):
         yield picture(address, PICTURES["scene"])
     rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
-    floors = {f"floor {name}": floor for name, floor in (scene.get("floors") or {}).items()}
-    rows += _rows(floors, {**scene["units"], "force": "N/m2"}, units)
+    floors = (scene.get("floors") or {}).items()
+    rows += [(f"floor {name}", "force", floor_text(floor, units)) for name, floor in floors]
     soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
     rows += _rows(soils, scene["units"], units)
     for name, force in scene["resultants"].items():
@@ -266,33 +266,43 @@ def load_factors(content: Content) -> Iterator[str]:
     yield heading("The range of load factors")
     if record["status"] == "limit":
         yield paragraph(RANGE)
-    yield f'<div class="{"halves" if len(record["ends"]) > 1 else ""}">'
+    told: dict[str, dict[str, str]] = {}  # by title and direction: one beside the other
     for direction, end in record["ends"].items():
-        yield "<div>"
-        yield heading(f"Load factor, {direction_words(direction)}", 3)
-        if end["status"] != record["status"]:
-            yield paragraph(STATUS[end["status"]])
-        if end["reason"]:
-            reason = f"{end['reason']}."
-            if end["status"] == "not_converged" and end["attempts"]:
-                reason = f"{reason.partition('; ')[0]}. The appendix has what was tried."
-            yield paragraph(f"Reason: {reason}")
-        if end["proof"]:
-            yield paragraph(f"{end['proof'][0].upper()}{end['proof'][1:]}.")
         first, *others = end["tables"]
-        yield table([row for row in first["rows"] if row[0] != FROM_RIGID and row[1] != "0"])
+        told.setdefault("Load factor", {})[direction] = _load_factor(record, end, first["rows"])
         forces = [
             (tie["name"], units.force(tie["force"], 4), units.force(tie["yield"], 4), tie["state"])
             for tie in content.details(direction).get("ties", [])
         ]
-        yield table(forces, ("tie", per, "yields at", "state"), "Ties")
+        if forces:
+            head = ("tie", per, "yields at", "state")
+            told.setdefault("Ties", {})[direction] = table(forces, head)
         for one in others:
-            yield table(one["rows"], one["head"], one["title"]) or heading(one["title"], 3)
-            yield paragraph(one["note"]) if one["note"] else ""
-        yield "</div>"
-    yield "</div>"
+            note = paragraph(one["note"]) if one["note"] else ""
+            told.setdefault(one["title"], {})[direction] = table(one["rows"], one["head"]) + note
+    both = len(record["ends"]) > 1
+    ways = {name: wording(record).way(name) for name in record["ends"]}
+    words = {name: way if "to" in way else direction_words(name) for name, way in ways.items()}
+    for title, parts in told.items():
+        yield '<div class="halves">' * both
+        for direction, part in parts.items():
+            yield f"<div>{heading(f'{title}, {words[direction]}', 3)}{part}</div>"
+        yield "</div>" * both
     if not record["ends"]:
         yield paragraph(f"Reason: {record['reason']}.")
+
+
+def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> str:
+    """What one end of the range of load factors is, how it was found, or why not."""
+    parts = [paragraph(STATUS[end["status"]])] if end["status"] != record["status"] else []
+    if end["reason"]:
+        reason = f"{end['reason']}."
+        if end["status"] == "not_converged" and end["attempts"]:
+            reason = f"{reason.partition('; ')[0]}. The appendix has what was tried."
+        parts.append(paragraph(f"Reason: {reason}"))
+    if end["proof"]:
+        parts.append(paragraph(f"{end['proof'][0].upper()}{end['proof'][1:]}."))
+    return "".join(parts) + table(row for row in rows if row[0] != FROM_RIGID and row[1] != "0")
 
 
 def forces(content: Content) -> Iterator[str]:
@@ -308,6 +318,11 @@ def forces(content: Content) -> Iterator[str]:
         yield heading("Forces and stresses")
     if content.missing:
         yield paragraph(f"{content.missing[0].upper()}{content.missing[1:]}.")
+    if many and "forces" in content.pictures:
+        yield paragraph(
+            f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"
+            " the picture 'forces' in the folder of the result has them."
+        )
     for stem, address in found.items():
         per_metre = stem.startswith("forces") and not content.units.thickness
         more = " Forces are per metre of thickness." * per_metre
@@ -315,11 +330,6 @@ def forces(content: Content) -> Iterator[str]:
         if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
         yield picture(address, PICTURES[stem] + more)
-    if many and "forces" in content.pictures:
-        yield paragraph(
-            f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"
-            " the picture 'forces' in the folder of the result has them."
-        )
     if address := content.pictures.get("capacity", ""):
         yield heading("Capacity curve")
         yield picture(address, PICTURES["capacity"])
