@@ -1,22 +1,48 @@
-"""Where blocks touch: common parts of coplanar sides, by clipping convex polygons."""
+"""Where blocks touch: common parts of sides that face each other, by clipping convex polygons.
+
+Convex bodies that do not overlap are separated by the plane of a side, or by one along an edge of
+each. They touch in a polygon if two sides that face each other are such planes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from fenics_contact.geometry.mesh import Array
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.errors import require
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.planar_cells import connected, near_pairs
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
-#: How far two sides that touch may lie apart, in parts of a typical block's size.
-APART = 1e-5
-#: Cosine of the largest angle between them, less 1.
-TURNED = 1e-6
-#: Least area of a contact, in parts of a typical block's size squared.
-LEAST_AREA = 1e-5
+#: Sides this far apart touch, and blocks may overlap by it, in parts of the thinner's thickness.
+APART = 1e-4
+#: A contact must be wider than this; it is a sliver otherwise, an edge below the distance above.
+NARROW = 1e-3
+#: Sides that face each other within this distance, and do not touch, are told of.
+NEARLY = 0.1
+#: Cosine of the largest angle between sides that face each other.
+FACING = np.cos(np.radians(2.0))
+#: Edges are parallel whose product is smaller than this part of the largest.
+PARALLEL = 1e-3
+
+#: What is wrong with two blocks (or one), by a measure in m; the last ones are warned of.
+REFUSED = {
+    "same": "blocks '{0}' and '{1}' are the same{more}: leave one out",
+    "pieces": "pieces of block '{0}' overlap by {by:.3g} m{more}: cut them apart",
+    "overlap": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart, or set a"
+    " tolerance of {above:.3g} m",
+}
+TOLD = {
+    "gap": "sides of blocks '{0}' and '{1}' are {by:.3g} m apart{more}: no force passes; if they"
+    " touch, set a tolerance of {above:.3g} m",
+    "sliver": "the contact of blocks '{0}' and '{1}' is {by:.3g} m wide{more}: it is left out",
+    "warped": "sides of block '{0}' are warped by {by:.3g} m{more}: they are taken as plane",
+    "alone": "block '{0}' touches nothing{more}: it falls",
+    "loose": "block '{0}' touches others, but none of them is held by a fixed block{more}",
+}
 
 
 @dataclass(frozen=True)
@@ -46,49 +72,156 @@ class Contact:
         return polygon_area(self.in_plane)
 
 
-def contacts_of(blocks: Sequence[Block]) -> tuple[Contact, ...]:
+def contacts_of(blocks: Sequence[Block], tolerance: float | None = None) -> tuple[Contact, ...]:
     """All contacts between blocks of which one moves at least, by numbers of blocks."""
-    size = float(np.median([block.volume for block in blocks])) ** (1.0 / 3.0)
-    near = APART * size
-    low, high = (np.array([block.extent[k] for block in blocks]) for k in (0, 1))
-    contacts: list[Contact] = []
-    for first, block in enumerate(blocks):
-        touching = np.all((low[first + 1 :] <= high[first] + near), axis=1)
-        touching &= np.all(high[first + 1 :] >= low[first] - near, axis=1)
-        for second in first + 1 + np.flatnonzero(touching):
-            other = blocks[second]
-            if not (block.fixed and other.fixed):
-                contacts += _between(first, int(second), block, other, near, size)
-    return tuple(contacts)
+    return checked_contacts(blocks, tolerance)[0]
 
 
-def _between(
-    first: int, second: int, block: Block, other: Block, near: float, size: float
-) -> list[Contact]:
-    """Contacts of two blocks."""
+def checked_contacts(
+    blocks: Sequence[Block], tolerance: float | None = None
+) -> tuple[tuple[Contact, ...], tuple[str, ...]]:
+    """All contacts between blocks of which one moves at least, and what is odd about them.
+
+    Args:
+        blocks: Bodies; those of the same block may touch each other.
+        tolerance: Sides touch that are as near as this, m; by default a part of the thickness of
+            the thinner body.
+
+    Returns:
+        Contacts, sorted by numbers of blocks, and warnings.
+
+    Raises:
+        InputError: If blocks overlap by more than the tolerance.
+    """
+    contacts, found = _survey(blocks, tolerance)
+    messages = {}
+    for kind, text in (REFUSED | TOLD).items():
+        if kind in found:
+            measure, first, second = max(found[kind])
+            more = f" (and {len(found[kind]) - 1} more)" if len(found[kind]) > 1 else ""
+            names = (blocks[first].name, blocks[second].name)
+            messages[kind] = text.format(*names, by=measure, above=1.01 * measure, more=more)
+        require(kind not in REFUSED or kind not in messages, messages.get(kind, ""))
+    return tuple(contacts), tuple(messages.values())
+
+
+def _survey(
+    blocks: Sequence[Block], tolerance: float | None
+) -> tuple[list[Contact], dict[str, list[tuple[float, int, int]]]]:
+    """Contacts, and measures and numbers of blocks by what is wrong with them."""
+    pieces = [piece for block in blocks for piece in block.pieces]
+    owner = np.repeat(np.arange(len(blocks)), [len(block.pieces) for block in blocks])
+    fixed = np.array([block.fixed for block in blocks])
     contacts = []
-    for piece in block.pieces:
-        for opposite in other.pieces:
-            facing = np.argwhere(piece.normals @ opposite.normals.T < TURNED - 1.0)
-            for side, reverse in facing:
-                one = piece.corners[list(piece.sides[side])]
-                two = opposite.corners[list(opposite.sides[reverse])]
-                axes = frame(piece.normals[side])
-                if np.abs((two - one[0]) @ axes[0]).max() > near:
-                    continue
-                flat = [(loop - one[0]) @ axes[1:].T for loop in (one, two[::-1])]
-                common = clipped(flat[0], flat[1])
-                if len(common) > 2 and polygon_area(common) > LEAST_AREA * size**2:
-                    corners = one[0] + common @ axes[1:]
-                    contacts.append(Contact(first, second, axes, corners))
-    return contacts
+    found = defaultdict(list)
+    for one, two in _near_pieces(pieces, tolerance).tolist():
+        first, second = owner[[one, two]].tolist()
+        if fixed[first] and fixed[second]:
+            continue
+        for kind, measure, axes, corners in _meetings(pieces[one], pieces[two], tolerance):
+            if first == second:
+                kind = "pieces" if kind in REFUSED else "within"
+            if kind == "contact":
+                contacts.append(Contact(first, second, axes, corners))
+            found[kind].append((measure, first, second))
+    for number, piece in zip(owner.tolist(), pieces, strict=True):
+        if piece.planes.warp > APART * piece.planes.thickness:
+            found["warped"].append((piece.planes.warp, number, number))
+    pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
+    label = connected(pairs.reshape(-1, 2), len(blocks))
+    for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
+        kind = "loose" if number in pairs else "alone"
+        found[kind].append((-number, number, number))
+    return contacts, found
 
 
-def frame(normal: Array) -> Array:
-    """A unit normal and two tangents, right-handed, shape (3, 3)."""
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    across /= np.linalg.norm(across)
-    return np.array([normal, across, np.cross(normal, across)])
+def _near_pieces(pieces: Sequence[Polyhedron], tolerance: float | None) -> Indices:
+    """Sorted pairs of bodies whose boxes are as near as sides that are told of."""
+    low = np.array([piece.corners.min(axis=0) for piece in pieces])
+    high = np.array([piece.corners.max(axis=0) for piece in pieces])
+    thickness = np.array([piece.planes.thickness for piece in pieces])
+    reach = np.maximum(NEARLY * thickness, tolerance or 0.0)
+    radius = 0.5 * np.linalg.norm(high - low, axis=1) + reach
+    every = np.arange(len(pieces))
+    portions = near_pairs(0.5 * (low + high), radius, every, every)
+    pairs = np.concatenate([np.stack(portion, axis=1) for portion in portions])
+    one, two = pairs[pairs[:, 0] < pairs[:, 1]].T
+    apart = np.maximum(low[one] - high[two], low[two] - high[one]).max(axis=1)
+    close = apart <= np.minimum(reach[one], reach[two])
+    order = np.lexsort((two[close], one[close]))
+    return np.stack([one[close], two[close]], axis=1)[order]
+
+
+def _meetings(
+    one: Polyhedron, two: Polyhedron, tolerance: float | None
+) -> Iterator[tuple[str, float, Array, Array]]:
+    """Where two bodies overlap, or have sides that face each other.
+
+    Returns:
+        "overlap", "gap", "sliver" or "contact"; depth, distance or width, m; axes and corners of
+        the common polygon, halfway between the sides.
+    """
+    thinner = min(one.planes.thickness, two.planes.thickness)
+    near = APART * thinner if tolerance is None else tolerance
+    near += one.planes.warp + two.planes.warp
+    nearly = max(NEARLY * thinner, near)
+    beyond_one = (two.corners @ one.normals.T).min(axis=0) - one.planes.level
+    beyond_two = (one.corners @ two.normals.T).min(axis=0) - two.planes.level
+    apart = max(beyond_one.max(), beyond_two.max())
+    if apart > nearly:
+        return
+    if apart < -near:
+        depth = min(-apart, _depth_along_edges(one, two))
+        shift = np.linalg.norm(one.centroid - two.centroid)
+        alike = shift < near and abs(one.volume - two.volume) < APART * one.volume
+        if depth > near:
+            yield "same" if alike else "overlap", depth, np.empty(0), np.empty(0)
+        return
+    separates = (beyond_one >= -near)[:, None] | (beyond_two >= -near)
+    for side, opposite in np.argwhere(separates & (one.normals @ two.normals.T < -FACING)):
+        normals = np.array([one.normals[side], two.normals[opposite]])
+        levels = np.array([one.planes.level[side], two.planes.level[opposite]])
+        loop = one.corners[list(one.sides[side])]
+        other = two.corners[list(two.sides[opposite])][::-1]
+        axes = frame(normals[0] - normals[1], loop[1] - loop[0])
+        common = clipped((loop - loop[0]) @ axes[1:].T, (other - loop[0]) @ axes[1:].T, near)
+        if len(common) < 3:
+            continue
+        corners = loop[0] + common @ axes[1:]
+        height = (levels - corners @ normals.T) / (normals @ axes[0])
+        distance = height[:, 1] - height[:, 0]
+        corners = corners + np.outer(height.mean(axis=1), axes[0])
+        width = polygon_width(common)
+        if np.abs(distance).max() <= near:
+            kind = "contact" if width > NARROW * thinner else "sliver"
+            yield kind, width, axes, corners
+        elif distance.min() >= -near and distance.max() < min(0.5 * width, nearly):
+            yield "gap", float(distance.max()), axes, corners
+
+
+def _depth_along_edges(one: Polyhedron, two: Polyhedron) -> float:
+    """Least depth, m, by which bodies overlap along normals of an edge of each."""
+    normals = np.cross(one.planes.edge[:, None], two.planes.edge).reshape(-1, 3)
+    length = np.linalg.norm(normals, axis=1)
+    normals = normals[length > PARALLEL * length.max()]
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    first = one.corners @ normals.T
+    second = two.corners @ normals.T
+    depth = np.minimum(
+        first.max(axis=0) - second.min(axis=0), second.max(axis=0) - first.min(axis=0)
+    )
+    return float(depth.min(initial=np.inf))
+
+
+def frame(normal: Array, along: Array) -> Array:
+    """Unit vector of a normal and two tangents, right-handed, shape (3, 3).
+
+    The first tangent is a direction less its part along the normal, so that axes turn with bodies.
+    """
+    up = normal / np.linalg.norm(normal)
+    across = along - (along @ up) * up
+    across = across / np.linalg.norm(across)
+    return np.array([up, across, np.cross(up, across)])
 
 
 def polygon_area(points: Array) -> float:
@@ -97,28 +230,42 @@ def polygon_area(points: Array) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def clipped(polygon: Array, by: Array) -> Array:
+def polygon_width(points: Array) -> float:
+    """Least distance between two parallel lines that have a convex polygon between them."""
+    along = np.roll(points, -1, axis=0) - points
+    normal = np.stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)
+    return float(np.ptp(points @ normal, axis=0).min())
+
+
+def clipped(polygon: Array, by: Array, near: float = 1e-9) -> Array:
     """Part of a convex polygon inside another one, both counterclockwise; empty if there is none.
 
+    Corners outside of it by less than `near`, m, are kept. Then corners are dropped that are as
+    near to the line between their neighbours. Points are complex numbers here.
     I.E. Sutherland, G.W. Hodgman, Commun. ACM 17 (1974) 32.
     """
-    points: Any = polygon
-    for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
-        if len(points) < 3:
-            return np.zeros((0, 2))
-        along = end - start
-        inside = along[0] * (points[:, 1] - start[1]) - along[1] * (points[:, 0] - start[0])
-        least = -1e-9 * (along @ along)
+    points = (polygon @ [1.0, 1.0j]).tolist()
+    lines = (by @ [1.0, 1.0j]).tolist()
+    for start, end in zip(lines, lines[1:] + lines[:1], strict=True):
+        heights = [_height(start, end, point) for point in points]
         kept = []
-        for point, value, other, next_value in zip(
-            points, inside, np.roll(points, -1, axis=0), np.roll(inside, -1), strict=True
-        ):
-            if value >= least:
-                kept.append(point)
-            if (value - least) * (next_value - least) < 0.0 and max(value, next_value) > -least:
-                kept.append(point + (other - point) * value / (value - next_value))
-        points = np.array(kept).reshape(-1, 2)
-    if len(points) < 3:
-        return np.zeros((0, 2))
-    sides = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
-    return np.asarray(points[sides > 1e-7 * sides.max()])
+        for k, height in enumerate(heights):
+            before = heights[k - 1]
+            if min(height, before) < -near and max(height, before) > near:
+                part = before / (before - height)
+                kept.append(points[k - 1] + part * (points[k] - points[k - 1]))
+            if height >= -near:
+                kept.append(points[k])
+        points = kept
+    kept = []
+    for k, point in enumerate(points):
+        following = points[(k + 1) % len(points)]
+        if _height((kept or points)[-1], following, point) < -near:
+            kept.append(point)
+    return np.array([[point.real, point.imag] for point in kept]).reshape(-1, 2)
+
+
+def _height(start: complex, end: complex, point: complex) -> float:
+    """Distance of a point to the left of a line; 0 if the line has no length."""
+    along = end - start
+    return (along.conjugate() * (point - start)).imag / (abs(along) or 1.0)

@@ -1,8 +1,8 @@
 """Points of contacts that carry forces, and the areas that they stand for.
 
-Coulomb's disc at the 4 x 4 Lobatto points of a face limits its torque by the pressure of the state
-itself: for a square under uniform pressure 0.391 F N a, where the continuum has 0.3826. Points lie
-on the edges, so that hinges are exact. Discs at corners alone do not limit torsion.
+Coulomb's disc at 12 or more points of a face limits its torque by the pressure of the state itself:
+for a square under uniform pressure 0.391 F N a, where the continuum has 0.3826. Points lie on the
+edges, so that hinges are exact. Discs at corners alone do not limit torsion.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.spatial.contacts import Contact, polygon_area
+from fenics_contact.spatial.contacts import Contact
 
 #: Lobatto's rule of four points on [0, 1]: places and weights.
 PLACES = 0.5 + 0.5 * np.array([-1.0, -(5.0**-0.5), 5.0**-0.5, 1.0])
@@ -18,32 +18,35 @@ WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 
 
 def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
-    """Points, m, shape (points, 3), and their areas, m2, which sum to that of the contact.
+    """Points, m, shape (points, 3), and their areas, m2.
 
-    A quadrilateral has 4 x 4 Lobatto points. Any other polygon is cut into a quadrilateral for
-    every corner, of 2 x 2 points each: corners, middles of edges and the centroid.
+    Areas are positive, sum to that of the contact, and have its centroid.
+
+    A quadrilateral has 4 x 4 Lobatto points. Any other polygon has a ring of points on its outline,
+    corners and middles of edges (Simpson's rule), and one halfway to the centroid (Radau's rule):
+    exact for second moments, and for distances from the centroid along rays.
 
     Args:
         contact: Where two blocks touch.
         quick: Take the corners alone; torsion is not limited then.
     """
-    corners = contact.corners
-    count = len(corners)
-    if quick:
-        return corners, np.full(count, contact.area / count)
-    if count == 4:
-        return _quadrilateral(corners)
     flat = contact.in_plane
+    following = np.roll(flat, -1, axis=0)
     centre = polygon_centroid(flat)
-    middle = contact.corners[0] + centre @ contact.axes[1:]
-    halfway = 0.5 * (corners + np.roll(corners, -1, axis=0))
-    halves = 0.5 * (flat + np.roll(flat, -1, axis=0))
-    shares = np.zeros(2 * count + 1)
-    for k in range(count):
-        loop = np.array([flat[k], halves[k], centre, halves[k - 1]])
-        numbers = [k, count + k, 2 * count, count + (k - 1) % count]
-        shares[numbers] += 0.25 * polygon_area(loop)
-    return np.vstack([corners, halfway, middle]), shares
+    a = (flat - centre).T
+    b = (following - centre).T
+    triangles = 0.5 * (a[0] * b[1] - a[1] * b[0])  # on the edges, with the centroid
+    at_corners = 0.5 * (triangles + np.roll(triangles, 1))
+    if quick:
+        return contact.corners, at_corners
+    if len(flat) == 4:
+        places, areas = _quadrilateral(flat)
+    else:
+        ring = np.vstack([flat, 0.5 * (flat + following)])
+        shares = np.concatenate([at_corners, 2.0 * triangles]) / 3.0
+        places = np.vstack([ring, 0.5 * (ring + centre)])
+        areas = np.concatenate([shares, 2.0 * shares]) / 3.0
+    return contact.corners[0] + places @ contact.axes[1:], areas
 
 
 def polygon_centroid(points: Array) -> Array:
@@ -54,12 +57,11 @@ def polygon_centroid(points: Array) -> Array:
 
 
 def _quadrilateral(corners: Array) -> tuple[Array, Array]:
-    """Lobatto points of a convex quadrilateral, their areas by the map's determinant."""
+    """Lobatto points of a plane quadrilateral, their areas by the map's determinant."""
     a, b, c, d = corners
     u, v = (grid.ravel() for grid in np.meshgrid(PLACES, PLACES, indexing="ij"))
-    weights = np.outer(WEIGHTS, WEIGHTS).ravel()
     shape = np.column_stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v])
-    points = shape @ corners
-    by_u = np.outer(1 - v, b - a) + np.outer(v, c - d)
-    by_v = np.outer(1 - u, d - a) + np.outer(u, c - b)
-    return points, weights * np.linalg.norm(np.cross(by_u, by_v), axis=1)
+    by_u = (np.outer(1 - v, b - a) + np.outer(v, c - d)).T
+    by_v = (np.outer(1 - u, d - a) + np.outer(u, c - b)).T
+    weights = np.outer(WEIGHTS, WEIGHTS).ravel()
+    return shape @ corners, weights * (by_u[0] * by_v[1] - by_u[1] * by_v[0])
