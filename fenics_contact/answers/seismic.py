@@ -47,6 +47,7 @@ class SeismicCheck:
         confidence_factor: FC.
         acceleration: a_0*, m/s2.
         acceleration_g: a_0* / g.
+        demand: Spectral acceleration asked for, m/s2; None: not given.
     """
 
     multiplier: float
@@ -57,6 +58,17 @@ class SeismicCheck:
     confidence_factor: float
     acceleration: float
     acceleration_g: float
+    demand: float | None = None
+
+    @property
+    def value_and_verdict(self) -> str:
+        """a_0*, and whether it reaches the demand where one is given."""
+        value = f"{self.acceleration:.4g} m/s2 = {self.acceleration_g:.4g} g"
+        if self.demand is None:
+            return value
+        ratio = self.acceleration / self.demand
+        verdict = "enough" if ratio >= 1.0 else "NOT enough"
+        return f"{value}, {ratio:.3g} times the {self.demand:.4g} m/s2 asked for: {verdict}"
 
 
 class SeismicAnswer(Asked):
@@ -99,16 +111,15 @@ class SeismicAnswer(Asked):
             f" {mass(check.moving_mass)} that move in {check.parts} rigid"
             f" part{'s' * (check.parts != 1)}"
         )
-        found = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
+        starts = "seismic check: it starts at a spectral acceleration a0* of"
         return [
-            Line("seismic check: it starts at a spectral acceleration a0* of", found),
+            Line(starts, check.value_and_verdict),
             Line("a0* comes of", comes_of, verbose=True),
         ]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """Names and values of its table."""
         check = self.value
-        acceleration = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
         rows = [
             ("multiplier of the weights alpha0", f"{check.multiplier:.4g}"),
             ("rigid parts that move", f"{check.parts}"),
@@ -118,7 +129,7 @@ class SeismicAnswer(Asked):
             ("confidence factor FC", f"{check.confidence_factor:.4g}"),
             (
                 "spectral acceleration at which it starts, a0* = alpha0 g / (e* FC)",
-                acceleration,
+                check.value_and_verdict,
             ),
         ]
         return Table(rows, TITLE)
@@ -160,4 +171,5 @@ def seismic_check(
         confidence_factor=options.confidence_factor,
         acceleration=activation,
         acceleration_g=activation / gravity,
+        demand=options.demand,
     )

@@ -551,9 +551,11 @@ class Seismic(Checked):
     Attributes:
         confidence_factor: FC, by which the capacity is divided: 1.35, 1.2 or 1 for the levels of
             knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
+        demand: Spectral acceleration that the code asks for, m/s2; None: no verdict.
     """
 
     confidence_factor: float = ruled(within(1.0, 10.0, "must lie in 1 ... 10"), 1.35)
+    demand: float | None = ruled(POSITIVE, None)
 
 
 @dataclass(frozen=True, kw_only=True)

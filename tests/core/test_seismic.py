@@ -160,7 +160,7 @@ def test_files_and_texts_have_the_check():
     record = result_record(result)
     found = result.seismic["positive"]
     assert record["seismic"] == {"positive": vars(found)}
-    assert record["scene"]["seismic"] == {"confidence_factor": 1.35}
+    assert record["scene"]["seismic"] == {"confidence_factor": 1.35, "demand": None}
     line = "a0* comes of alpha0 = 0.25, e* = 1, FC = 1.35, M* = "
     mass = "2000 kg per metre of thickness"
     rest = f" of {mass} that move in 1 rigid part"
@@ -172,6 +172,19 @@ def test_files_and_texts_have_the_check():
     assert "M* = 0.8 t of 0.8 t that move" in line.text and line.verbose
     with Discretization(given) as made:
         assert "seismic check with FC = 1.35" in description(made)
+
+
+@pytest.mark.parametrize(
+    ("demand", "verdict"),
+    [
+        (1.5, "1.21 times the 1.5 m/s2 asked for: enough"),
+        (2.0, "0.908 times the 2 m/s2 asked for: NOT enough"),
+    ],
+)
+def test_demand_gives_a_verdict(demand, verdict):
+    result = limit_load(scene([rectangle(0, 0, 0.5, 2.0)], Seismic(demand=demand)))
+    assert f"a0* of 1.817 m/s2 = 0.1852 g, {verdict}" in result.summary()
+    assert result_record(result)["seismic"]["positive"]["demand"] == demand
 
 
 def test_nothing_is_checked_unasked_or_without_a_limit():
