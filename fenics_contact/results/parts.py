@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -13,7 +14,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.bounds import counted
-from fenics_contact.results.values import Contact, JointValues, NamedArrays, TieState
+from fenics_contact.results.values import Contact, JointValues, TieState
 
 #: Blocks whose joint opens or slides by up to this part of the largest speed are told of as one.
 AS_ONE = 0.01
@@ -27,6 +28,8 @@ SHIFTS = 0.1
 NEAR = 0.12
 #: Motions steeper than this tangent go up or down, those less steep than its inverse sideways.
 STEEP = 2.4
+#: Words for places along y and x.
+PLACES = {1: ("lower", "middle", "upper"), 0: ("left", "middle", "right")}
 #: Parts that a sentence names.
 NAMED = 4
 
@@ -39,13 +42,15 @@ class Part:
         blocks: Their numbers.
         place: Where they are in the structure; empty for a part that spans it.
         motion: What they do.
-        area: Of all of them, m2.
+        area: Of all of them, m2; in space their volume, m3.
+        name: What the blocks are called; empty: the part is told by its place.
     """
 
     blocks: list[int]
     place: str
     motion: str
     area: float
+    name: str = ""
 
 
 def rigid_parts(layout: Layout, motion: Array, centre: Array, as_one: float) -> Indices:
@@ -85,6 +90,7 @@ def moving_parts(
     motion = layout.centroid_motions(mode)
     part = rigid_parts(layout, motion, layout.centroid, AS_ONE)
     boxes = _boxes(layout)
+    whole = np.array([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
     joints = layout.joints.without_ties()
     slips = values.first(layout.joints.joint_count).contact == Contact.SLIP
     area = layout.boundary.areas(layout.bodies.centre)
@@ -101,7 +107,8 @@ def moving_parts(
         arm = centre - layout.centroid[one]
         velocity = motion[one, :2] + turn * np.array([-arm[1], arm[0]])
         told = _motion(velocity, turn, centre, box, slides)
-        found.append(Part(blocks.tolist(), _place(box, boxes), told, float(area[blocks].sum())))
+        place = place_in_words(box, whole, PLACES)
+        found.append(Part(blocks.tolist(), place, told, float(area[blocks].sum())))
     return sorted(found, key=lambda one: -one.area)
 
 
@@ -114,16 +121,21 @@ def _boxes(layout: Layout) -> Array:
     return largest * [-1.0, -1.0, 1.0, 1.0]
 
 
-def _place(box: Array, boxes: Array) -> str:
-    """Where a box is among all boxes, in words."""
-    low = boxes[:, :2].min(axis=0)
-    size = boxes[:, 2:].max(axis=0) - low
-    middle = (box.mean(axis=0) - low) / size - 0.5
+def place_in_words(box: Array, whole: Array, names: Mapping[int, Sequence[str]]) -> str:
+    """Where a box is in another one; boxes are lowest and highest coordinates, shape (2, d).
+
+    Args:
+        box: The one.
+        whole: The other one.
+        names: Words for a low, middle and high place along axes, in the order of the words.
+    """
+    size = np.maximum(whole[1] - whole[0], np.finfo(float).tiny)
+    middle = (box.mean(axis=0) - whole[0]) / size - 0.5
     spans = box[1] - box[0] > SPANS * size
     words = []
-    for axis, names in ((1, ("lower", "middle", "upper")), (0, ("left", "middle", "right"))):
+    for axis, of_axis in names.items():
         side = int(np.sign(middle[axis])) if abs(middle[axis]) > MIDDLE else 0
-        words.append("" if spans[axis] else names[side + 1])
+        words.append("" if spans[axis] else of_axis[side + 1])
     if words.count("middle") == 1 and all(words) and words[0] == "middle":
         words[0] = ""
     return " ".join(dict.fromkeys(word for word in words if word))
@@ -152,16 +164,27 @@ def _motion(velocity: Array, turn: float, centre: Array, box: Array, slides: boo
     return f"turns to the {side}"
 
 
-def parts_in_words(parts: Sequence[Part], total: int, ties: NamedArrays) -> str:
-    """A collapse in one sentence: the largest parts and what they do, and ties that yield."""
+def parts_in_words(
+    parts: Sequence[Part], total: int, ties: Mapping[str, Any], others: int = 0
+) -> str:
+    """A collapse in one sentence: the largest parts and what they do, and ties that yield.
+
+    Args:
+        parts: The largest first.
+        total: Blocks of the structure.
+        ties: Names and states; empty without ties.
+        others: Smaller parts beside these.
+    """
     told: list[str] = []
-    alike: dict[tuple[str, str], list[Part]] = {}
+    alike: dict[tuple[str, str, str], list[Part]] = {}
     for part in parts:
-        alike.setdefault((part.place, part.motion), []).append(part)
-    for (place, motion), those in list(alike.items())[:NAMED]:
+        alike.setdefault((part.place, part.motion, part.name), []).append(part)
+    for (place, motion, called), those in list(alike.items())[:NAMED]:
         blocks = [block for one in those for block in one.blocks]
         if len(blocks) == total and len(those) == 1:
             name = "the whole structure" if total > 1 else "the block"
+        elif called and len(those) == 1:
+            name = f"{called} ({counted(len(blocks), 'block')})"
         elif len(blocks) == 1:
             name = f"the {place} block ({blocks[0]})" if place else f"block {blocks[0]}"
         elif len(those) == 1:
@@ -172,7 +195,7 @@ def parts_in_words(parts: Sequence[Part], total: int, ties: NamedArrays) -> str:
             way = way.replace("its ", "their ").replace(" corner", " corners")
             motion = f"{verb.removesuffix('s')} {way}"
         told.append(f"{name} {motion}")
-    rest = sum(map(len, list(alike.values())[NAMED:]))
+    rest = others + sum(map(len, list(alike.values())[NAMED:]))
     told += (
         [f"{counted(rest, 'smaller part')} move{'s' * (rest == 1)} between these"] if rest else []
     )

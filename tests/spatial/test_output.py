@@ -13,15 +13,19 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from fenics_contact.scene.scene import JointLaw
+from fenics_contact.spatial import Load, Material, Scene, builders
 from fenics_contact.spatial.contacts import contacts_of
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.picture import draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.scene import SolveOptions
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.view import ContactState, SpatialView
 from fenics_contact.spatial.viewer import viewer_page, write_viewer
 from fenics_contact.spatial.vtu import write_fields
+from fenics_contact.spatial.words import mechanism_in_words
 
 GROUND = Block((Polyhedron.box([-3, -3, -0.2], [3, 3, 0]),), "ground", "ground", fixed=True)
 
@@ -206,3 +210,47 @@ def test_viewer_is_small_and_holds_any_name():
     )
     assert page.count("</script>") == 2
     assert len(page) < 300_000
+
+
+# ---- words
+
+
+def words(structure, collapse=None):
+    return mechanism_in_words(SpatialView.of(structure, collapse or collapse_of(structure)))
+
+
+def test_words_for_simple_motions(tipping, sliding):
+    assert words(tipping.structure) == "the whole structure turns about its foot to +x"
+    assert "slides to +y" in words(sliding.structure)
+    # Beside a wall that stays.
+    stays = Block((Polyhedron.box([0.5, -0.5, 0], [1, 0.5, 2]),), "wall", fixed=True)
+    structure = structure_of((box([-0.5, -0.5, 1], [0.5, 0.5, 2]), stays), 0.5, [1, 0, 0])
+    mode = np.zeros((3, 6))
+    for velocity, turn, told in (
+        ([0, 0, 0], [0, 0, 1], "twists about an upright axis"),
+        ([0, 0, -1], [0, 0, 0], "falls"),
+        ([-1, 0.9, 0], [0, 0, 0], "moves to -x and +y"),
+        ([0, 0.9, 1], [0, 0, 0], "slides to +y and up"),
+        ([-1, 0, 0], [0, 0, 0], "moves to -x"),
+        ([0, -0.5, -0.5], [-1, 0, 0], "swings about its top to -y"),
+    ):
+        mode[1] = [*velocity, *turn]
+        told_here = words(structure, SpatialCollapse("limit", 1.0, 0.0, mode=mode.copy()))
+        assert told_here == f"the block {told}"
+
+
+def test_words_name_walls():
+    """A facade that leans out between two side walls of courses in running bond."""
+    blocks = builders.facade(length=2.0, side=1.2, height=1.2, thickness=0.2, brick=(0.4, 0.2))
+    material = {"default": Material(density=2000.0)}
+    scene = Scene(
+        blocks=blocks,
+        materials=material,
+        joints={"default": JointLaw(friction=0.6)},
+        dead=Load(body=(0.0, 0.0, -9.81)),
+        live=Load(direction=(0.0, -1.0, 0.0)),
+        solve=SolveOptions(quick=True),
+    )
+    told = words(scene.structure())
+    assert re.match(r"the facade \(\d+ blocks\) turns about its foot to -y", told), told
+    assert "the left wall and the right wall crack" in told
