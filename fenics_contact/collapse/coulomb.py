@@ -5,7 +5,7 @@
 where r_N(g) are the normal forces of the state with given friction g (L.A. Mihai, M. Ainsworth,
 Comput. Struct. 88 (2010) 859). The relaxation omega follows the observed contraction by Aitken's
 formula for vectors (B.M. Irons, R.C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275); where the
-iteration cycles, omega is capped, lower and lower.
+iteration cycles, omega is capped, lower and lower. Or it is one number, which a user gives.
 
 It ends where the certificate of a pass says that its state is one with Coulomb friction: forces
 where nothing slips, and joints that carry next to nothing, may go on for long without a part in it.
@@ -75,6 +75,7 @@ class FixedPoint:
             certificate.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
+        relaxation: omega of all steps; None: by the changes.
     """
 
     problem: ContactProblem
@@ -83,6 +84,7 @@ class FixedPoint:
     judge: Callable[[State], bool]
     monitor: Callable[[Step], None]
     factorizations: Callable[[], int]
+    relaxation: float | None = None
 
     def run(self, start: State, bound: Array) -> tuple[Solution, History]:
         """State whose friction bound g is Coulomb's, and the history, which says if it converged.
@@ -94,7 +96,7 @@ class FixedPoint:
         Raises:
             SolverError: If `solve` finds no state for the first bound.
         """
-        relaxation = _Relaxation(self.problem.sum)
+        relaxation = _Relaxation(self.problem.sum, self.relaxation)
         steps: list[Step] = []
         found: list[Solution] = []
         counts = [self.factorizations()]
@@ -166,18 +168,19 @@ class FixedPoint:
 
 
 class _Relaxation:
-    """Irons and Tuck's omega, capped where the iteration cycles.
+    """Irons and Tuck's omega, capped where the iteration cycles; or a given one.
 
     Attributes:
         cycles: How often a cycle was recognised.
         secant: Change of F r_N - g over that of g, 1 - c for a contraction c.
     """
 
-    def __init__(self, total: Callable[[Array], float]) -> None:
-        """Start with omega = 1; `total` sums an array over all ranks."""
+    def __init__(self, total: Callable[[Array], float], given: float | None = None) -> None:
+        """Start with omega = 1, or keep the given one; `total` sums an array over all ranks."""
         self._total = total
+        self._given = given
         self._last: Array | None = None
-        self._omega = 1.0
+        self._omega = given or 1.0
         self._cap = SEARCH.largest_relaxation
         self._best = np.inf
         self._since = 0
@@ -209,5 +212,6 @@ class _Relaxation:
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
             self._omega = 2.0 * before
         self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, self._cap))
+        self._omega = self._given or self._omega
         self._last = difference
         return self._omega

@@ -15,7 +15,7 @@ from functools import partial, wraps
 import numpy as np
 
 from fenics_contact.collapse.collapse_mode import is_collapse
-from fenics_contact.collapse.coulomb import FixedPoint
+from fenics_contact.collapse.coulomb import FixedPoint, GivenFriction
 from fenics_contact.collapse.load_case import Answer, Attempt, LoadingPath, Task, falling
 from fenics_contact.collapse.record import PathSample
 from fenics_contact.errors import EffortError, SolverError
@@ -274,8 +274,19 @@ def _iterated(task: Task, start: State, bound: Array, load_factor: float | None 
         return load_factor is None and _is_collapse(task, state)
 
     count = case.discretization.factorizations
-    iteration = FixedPoint(case.problem, solve, task.tolerance, judge, case.monitor, count)
-    return iteration.run(start, bound)
+    return _passes(task, solve, judge, count).run(start, bound)
+
+
+def _passes(
+    task: Task,
+    solve: GivenFriction,
+    judge: Callable[[State], bool],
+    count: Callable[[], int],
+) -> FixedPoint:
+    """The iteration of a task."""
+    case = task.case
+    omega = case.discretization.scene.solve.relaxation
+    return FixedPoint(case.problem, solve, task.tolerance, judge, case.monitor, count, omega)
 
 
 def _is_collapse(task: Task, state: State) -> bool:
@@ -308,8 +319,7 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
         start = case.bonded_state(task.work)
         bound = case.problem.law.given(case.first_pressure)
         judge = partial(_is_collapse, task)
-        iteration = FixedPoint(case.problem, solve, task.tolerance, judge, case.monitor, count)
-        solution, history = iteration.run(start, bound)
+        solution, history = _passes(task, solve, judge, count).run(start, bound)
         return solution, replace(history, splitting=solver.history)
 
 

@@ -47,6 +47,8 @@ FORMATS = ("png", "svg", "pdf")
 
 #: Methods that solve for joint forces within given bounds.
 BY_JOINT_FORCES = ("splitting", "active-set")
+#: Those by the fixed point on the friction bound.
+BY_FIXED_POINT = ("fixed-point", *BY_JOINT_FORCES)
 
 #: What joints with a compressive strength are called.
 CRUSHING = "joints that crush"
@@ -459,6 +461,7 @@ class SolveOptions(Checked):
             it stays.
         peak: Look for the peak of the loading path before the collapse; None: with at most half the
             work of the limit load where there is no peak, and five times that where there is one.
+        relaxation: omega of the fixed point on the friction bound, 0 to 2; None: by the changes.
         time: After so many seconds what is known is the result; None: any time.
         engine: What finds the load factor that is reported: the loading "path" of elastic blocks,
             the forces of their "faces" with a proved gap, or "auto": the path below 100 blocks and
@@ -487,6 +490,7 @@ class SolveOptions(Checked):
     gap: float | None = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
     distribute: bool | None = None
+    relaxation: float | None = ruled(rule(lambda v: 0.0 < v <= 2.0, "must lie in 0 ... 2"), None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -497,6 +501,8 @@ class SolveOptions(Checked):
                f"{name} = true needs fast = false: fast leaves it out")
               for name in ("peak", "lowest", "error")),
             (self.fast and self.states == "lowest", "states = 'lowest' needs fast = false"),
+            (self.relaxation is not None and self.method not in BY_FIXED_POINT,
+             f"relaxation needs method = {' or '.join(map(repr, BY_FIXED_POINT))}"),
             (refined and self.error is False,
              "accuracy needs the error estimate: no error = false"),
             (refined and self.fast, "accuracy needs fast = false: fast estimates no error"),

@@ -89,6 +89,8 @@ class BoundQP(Closing):
         high.array[:] = np.clip(upper / scale, -UNBOUNDED, UNBOUNDED)
         x.array[:] = np.clip(start / scale, low.array_r, high.array_r)
         self._asked = _given(ALL) | _given(self._prefix)
+        for name in _given(ALL):  # read here, in the name of solvers with other prefixes
+            PETSc.Options(ALL).hasName(name)
         with Owner() as owner, _defaults(self._prefix, **self._asked):
             by = self._by_snes if "snes_type" in self._asked else self._by_tao
             by(owner, 0.1 * tolerance)
@@ -262,9 +264,13 @@ def _given(prefix: str) -> dict[str, str]:
 
 @contextmanager
 def _defaults(prefix: str, **values: str) -> Iterator[None]:
-    """PETSc options under a prefix where the user gives none, removed again on leaving."""
+    """PETSc options under a prefix where the user gives none, removed again on leaving.
+
+    Those that the user gives are not asked for here: `-options_left` tells which no solver read.
+    """
     table = PETSc.Options(prefix)
-    new = {name: value for name, value in values.items() if not table.hasName(name)}
+    given = _given(prefix)
+    new = {name: value for name, value in values.items() if name not in given}
     for name, value in new.items():
         table.setValue(name, value)
     try:

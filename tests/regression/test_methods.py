@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from fenics_contact import LimitLoad, OutputOptions, Scene, limit_load
+from fenics_contact import InputError, LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from tests.bank import BANK, coulomb, wall_recipe
 from tests.system.program import ROOT, run, write_scene
 from tests.system.program import result as outcome
@@ -145,6 +145,35 @@ def test_a_solver_that_petsc_does_not_know_is_named(tmp_path, monkeypatch):
     found = run(["solve", "scene.toml", "--fast"], tmp_path)
     assert found.code == 2
     assert "-shear_tao_type fast" in found.err
+
+
+def test_petsc_names_an_option_that_no_solver_reads(tmp_path, monkeypatch):
+    write_scene(tmp_path, {"solve.method": "splitting"}, mesh="wall")
+    given = "-normal_tao_typ tron -shear_tao_type bnls -fenics_contact_qp_tao_max_it 300"
+    monkeypatch.setenv("PETSC_OPTIONS", f"{given} -options_left")
+    found = run(["solve", "scene.toml", "--fast"], tmp_path)
+    left = re.findall(r"name:-(\w+)", found.out)
+    assert left == ["normal_tao_typ"]
+
+
+# A relaxation of the user's
+
+
+def test_a_relaxation_needs_the_fixed_point():
+    with pytest.raises(InputError, match="relaxation needs method = 'fixed-point' or"):
+        SolveOptions(relaxation=0.5)
+    with pytest.raises(InputError, match=r"must lie in 0 \.\.\. 2"):
+        SolveOptions(method="fixed-point", relaxation=2.5)
+
+
+@pytest.mark.parametrize("method", ["fixed-point", "splitting"])
+def test_a_given_relaxation_is_that_of_all_passes(method, tmp_path):
+    options = {"solve.method": method, "solve.relaxation": 0.8}
+    write_scene(tmp_path, options, mesh="wall")
+    assert run(["solve", "scene.toml", "--fast"], tmp_path).code == 0
+    found = outcome(tmp_path / "scene")
+    assert found["load_factor"] == pytest.approx(0.3, rel=1e-5)
+    assert {one["relaxation"] for one in found["iterations"]["history"]} == {0.8}
 
 
 # Load control
