@@ -288,7 +288,8 @@ def tidy_vtk(path: Path, numbers: Sequence[Mapping[str, float]]) -> None:
     """Tidy what all ranks wrote by `write_vtk`, and add numbers of every time, on one rank.
 
     The numbers become field data. Every piece is listed once: dolfinx 0.5 repeats the list for
-    every function written.
+    every function written. Pieces get the number of an older format, which differs for hexahedra
+    alone: meshio knows no later one.
 
     Raises:
         OSError: If a file is not complete.
@@ -315,6 +316,9 @@ def _add_field_data(path: Path, numbers: Mapping[str, float]) -> None:
     form = '<DataArray type="Float64" Name="{}" NumberOfTuples="1" format="ascii">{!r}</DataArray>'
     field = "".join(form.format(name, value) for name, value in numbers.items())
     with path.open("r+b") as file:
+        head = file.read(80).replace(b'version="2.2"', b'version="1.0"')
+        file.seek(0)
+        file.write(head)
         file.seek(-min(path.stat().st_size, 80), 2)
         start = file.tell()
         end = file.read()

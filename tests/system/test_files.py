@@ -269,6 +269,11 @@ def test_joints_obey_their_law_and_carry_weight_and_load(solved):
     assert set(solved.facets["state"][loaded]) == {1.0}  # slips
 
 
+def test_meshio_knows_the_format_of_all_files(solved):
+    for name in ("joints.vtu", "blocks_p0_000000.vtu"):
+        assert ET.parse(solved.output / name).getroot().get("version") in ("0.1", "1.0")
+
+
 def test_joints_move_with_the_blocks(solved):
     (part,) = solved.pieces
     (scale,) = (
