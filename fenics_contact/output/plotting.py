@@ -8,6 +8,7 @@ lines tell the same in grey. Matplotlib is imported where it is used: that takes
 from __future__ import annotations
 
 import io
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
@@ -41,6 +42,8 @@ IN_A_ROW = 5
 WIDTH = 6.0
 NARROWEST = 3.2
 HEIGHTS = (1.2, 9.0)
+#: How notebooks show pictures.
+INLINE = "matplotlib_inline.backend_inline"
 #: Pixels per inch of files, and what is left free around a picture, inches.
 DPI, MARGIN = 150, 0.08
 #: Blocks that are numbered in a picture.
@@ -586,9 +589,14 @@ def new_axes() -> Any:
     Raises:
         InputError: If the notebook's way to show pictures does not fit this matplotlib.
     """
-    from matplotlib import pyplot
+    from matplotlib import get_backend, pyplot
 
     try:
+        # matplotlib 3.6 loads the way of notebooks with the first figure, and does not show that.
+        if INLINE in get_backend() and INLINE not in sys.modules:
+            shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+            if shell is not None:
+                shell.run_line_magic("matplotlib", "inline")
         return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
     except AttributeError as error:  # matplotlib-inline 0.2 asks old versions for what they lack
         cure = "in a notebook: pip install 'matplotlib-inline<0.2', and begin again"

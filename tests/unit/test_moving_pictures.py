@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from matplotlib import animation
@@ -142,6 +146,19 @@ def test_slider_needs_no_kernel(collapse):
     assert page.count("data-motion=") == len(collapse.blocks["area"])
     assert '<input type="range"' in page and "<script>" in page
     assert "src=" not in page and "http" not in page.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_the_first_plot_of_a_notebook_is_shown(collapse, monkeypatch):
+    """matplotlib 3.6 alone shows the second."""
+    shell = Mock()
+    of_notebooks = SimpleNamespace(get_ipython=lambda: shell, version_info=(8, 24))
+    monkeypatch.setattr(
+        "matplotlib.get_backend", lambda: "module://matplotlib_inline.backend_inline"
+    )
+    monkeypatch.delitem(sys.modules, "matplotlib_inline.backend_inline", raising=False)
+    monkeypatch.setitem(sys.modules, "IPython", of_notebooks)
+    collapse.plot_forces()
+    shell.run_line_magic.assert_called_once_with("matplotlib", "inline")
 
 
 @pytest.mark.parametrize("draw", ["plot", "plot_forces", "plot_thrust"])
