@@ -8,7 +8,7 @@ type `LoadFactor`, in whatever record they are.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -17,6 +17,8 @@ from fenics_contact.solvers.problem import State
 
 #: Relative difference up to which the ends of a bracket are one load factor.
 MEET = 1e-6
+#: The same for load factors of several points, which miss theirs by their tolerances.
+EQUAL = 1e-5
 
 
 def meet(lower: float, upper: float) -> bool:
@@ -108,6 +110,12 @@ def four_digits(value: float | None, leading: float) -> str:
     size = abs(leading)
     decimals = 3 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 4
     return "not known" if value is None or value != value else f"{value:.{max(decimals, 0)}f}"
+
+
+def equal(load_factors: Sequence[float]) -> bool:
+    """Whether there are several load factors, and all are one."""
+    least, most = min(load_factors, default=0.0), max(load_factors, default=0.0)
+    return len(load_factors) > 1 and most - least <= EQUAL * max(abs(least), abs(most))
 
 
 def counted(number: int, noun: str) -> str:

@@ -37,7 +37,7 @@ from fenics_contact.output.plotting import (
     save,
 )
 from fenics_contact.output.view import view_of
-from fenics_contact.results.bounds import counted
+from fenics_contact.results.bounds import counted, equal
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.points import (
@@ -95,7 +95,10 @@ class Sweep(Sequence[Point]):
     def __repr__(self) -> str:
         keys = ", ".join(key for parameter in self.parameters for key in parameter.keys)
         found = ""
-        if (worst := self.worst) is not None:
+        worst = self.worst
+        if worst is not None and equal([p.least for p in self if math.isfinite(p.least)]):
+            found = f", load factor {worst.least:.5g} at all that are solved"
+        elif worst is not None:
             place = ", ".join(dict.fromkeys(map(value_text, worst.values.values())))
             found = f", lowest load factor {worst.least:.8g} at {place}"
         return f"<Sweep: {counted(len(self), 'point')} over {keys}{found}>"
@@ -386,7 +389,7 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
     """Draw the load factor over the parameter with most values, a curve for each of the others.
 
-    A ring is around the lowest one.
+    A ring is around the lowest one, where not all are equal.
 
     Args:
         parameters: What varies.
@@ -412,7 +415,7 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         _draw_curve(axes, at, curve, *style)
     places = [(x, p) for curve in curves for x, p in zip(at, curve, strict=True)]
     places = [(x, point) for x, point in places if np.isfinite(point.least)]
-    if places:
+    if places and not equal([point.least for _, point in places]):
         x, worst = min(places, key=lambda place: place[1].least)
         factor = worst.least if worst.least == worst.load_factor else worst.load_factor_negative
         where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))

@@ -14,7 +14,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.limit_load import limit_load_of
 from fenics_contact.meshing import running_bond
 from fenics_contact.sweeps.points import Parameter, grid
-from fenics_contact.sweeps.sweep import draw_sweep
+from fenics_contact.sweeps.sweep import Sweep, draw_sweep
 from tests.helpers import coulomb, on_ground
 
 BOTH = "joints.default.friction, foundations.base.friction"
@@ -203,3 +203,10 @@ def test_one_end_of_a_bracket_is_drawn_and_the_worst_place_named():
     axes = draw_sweep(parameters, found)
     labels = axes.get_legend_handles_labels()[1]
     assert labels == ["load factor", "at most", "lowest: 0.5 at 0"]
+
+
+def test_no_point_is_the_lowest_where_all_are_equal():
+    parameters = [Parameter.parse("a=0:1:3")]
+    found = [replace(point, load_factor=0.5) for point in points(grid(parameters))]
+    assert "lowest: 0.5 at 0" not in draw_sweep(parameters, found).get_legend_handles_labels()[1]
+    assert "load factor 0.5 at all" in repr(Sweep(parameters, found))

@@ -74,7 +74,7 @@ def test_a_sweep_is_drawn_with_its_names(name):
     written = seen(draw_sweep(parameters, points))
     assert f'density of materials."{name}"' in written and f"title = {name}" in written
     parameters = [Parameter.of("title", [name, "b", "c"])]
-    points = [Point(values, "limit", 1.0, 1.0, 1.0) for values in grid(parameters)]
+    points = [Point(values, "limit", 1.0 + k) for k, values in enumerate(grid(parameters))]
     axes = draw_sweep(parameters, points)
     assert f"lowest: 1 at {name}" in seen(axes)
     assert axes.get_xticklabels()[0].get_text().replace(r"\$", "$").strip() == name

@@ -49,7 +49,7 @@ from fenics_contact.output.report.html import (
     text,
     value_text,
 )
-from fenics_contact.results.bounds import FROM_RIGID, counted
+from fenics_contact.results.bounds import FROM_RIGID, counted, equal
 from fenics_contact.scene.units import PER_METRE, Units
 
 _log = logging.getLogger("fenics_contact")
@@ -359,14 +359,17 @@ def _of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
         count += f" It was stopped: {len(sweep.rows)} of {sweep.points} points are there."
     if solved:
         row = solved[0]
-        span = f"from {least(row):.4g} to {least(solved[-1]):.4g}."
-        over = f"Over its {len(solved)} limit loads the load factor goes {span}"
+        span = f"goes from {least(row):.4g} to {least(solved[-1]):.4g}"
+        one = equal([least(row) for row in solved])
+        span = f"is {least(row):.5g}" if one else span
+        over = f"Over its {len(solved)} limit loads the load factor {span}."
         where = ", ".join(f"{key} = {row[key]}" for key in sweep.keys)
         end = "" if least(row) == float(row["load_factor"] or "inf") else "_negative"
         where += " with the live load reversed" if end else ""
         bracket = " to ".join(short(row, f"{side}{end}") for side in ("lower", "upper"))
         worst = f"The lowest is {short(row, f'load_factor{end}')} at {where};"
-        yield paragraph(count, over, worst, f"its bracket is {bracket}.")
+        worst += f" its bracket is {bracket}."
+        yield paragraph(count, over, *([] if one else [worst]))
     else:
         yield paragraph(count, "It has no limit load.")
     if sweep.picture:
