@@ -39,7 +39,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages debootstrap browser mathjax debian13 demo gallery docs test test-browser test-debian13 test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap browser mathjax debian13 demo gallery docs test test-browser test-debian13 run-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -105,6 +105,9 @@ debian13: debootstrap .venv/installed  # a Debian 13 tree with the packages, as 
 
 test-debian13: debian13  ## run the quick tests on Debian 13, in a folder, as root
 	$(IN_TREE13) test -n $(WORKERS) $(TESTS13)
+
+run-debian13: debian13  ## run a command there: make run-debian13 RUN13="python3 demos/14_dolfinx_mesh.py"
+	$(IN_TREE13) run $(RUN13)
 
 lint: setup .venv/bin/ruff  ## ruff and mypy
 	.venv/bin/ruff check .

@@ -159,9 +159,11 @@ class HingesAnswer(Asked):
             return [Line("mesh:", none, verbose=True)]
         mesh, physical, points = self._told()
         small = words.units.small
-        here = f"load factor {mesh}, hinges of {small(value.length)} as on this mesh"
         if end.load_factor == value.points:
-            return [Line("mesh:", f"the hinges are almost points; {here}", verbose=True)]
+            here = f"with those of {small(value.length)} on this mesh it is {mesh}"
+            points = f"the load factor is that of hinges that are points; {here}"
+            return [Line("mesh:", points, verbose=True)]
+        here = f"load factor {mesh}, hinges of {small(value.length)} as on this mesh"
         there = f"{physical} with {small(value.physical_length)}; {points} with points"
         found = [Line("mesh:", f"{here}; {there}", verbose=True)]
         if not (end.range and end.range.limits):
