@@ -386,7 +386,7 @@ def description(layout: Layout, verbose: bool = False) -> str:
             continue
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
-            f"{kind} {name}: {_law_text(law, units)}, {f'{int(mine.sum())} points, ' * verbose}"
+            f"{kind} {name}: {law_text(law, units)}, {f'{int(mine.sum())} points, ' * verbose}"
             f"length {units.length(joints.length[mine].sum())}"
         )
     lines += [f"tie {name}: {_tie_text(tie, units)}" for name, tie in scene.ties.items()]
@@ -420,7 +420,7 @@ def description(layout: Layout, verbose: bool = False) -> str:
     return "\n".join(lines)
 
 
-def _law_text(law: JointLaw, units: Units) -> str:
+def law_text(law: JointLaw, units: Units) -> str:
     """Friction, strengths and gaps of a joint, as given."""
     text = "frictionless"
     if law.law == "tresca":

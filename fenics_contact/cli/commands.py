@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -132,6 +132,11 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
     return f"next: {shlex.join(['fenics-contact', command, f'{of}', *settings])}"
 
 
+def _in_space(options: argparse.Namespace, comm: MPI.Comm) -> bool:
+    """Whether a scene has three dimensions."""
+    return read_toml(options.scene, comm, options.overrides).get("dimension") == 3
+
+
 def _first(signals: Signals, comm: MPI.Comm) -> int:
     """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
     return int(comm.allreduce(signals.number, MPI.MAX))
@@ -190,10 +195,26 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
+    if _in_space(options, comm):
+        from fenics_contact.spatial.check import description as of_space
+        from fenics_contact.spatial.check import warnings_on
+        from fenics_contact.spatial.scene import Scene as SpatialScene
+
+        read = SpatialScene.from_file(options.scene, comm, options.overrides)
+        structure = read.structure()
+        text = of_space(read, structure)
+        return _checked(options, comm, text, warnings_on(read, structure))
     with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
         discretization.check_pushed()
-        lines = [description(discretization, options.verbose)]
-        lines += [f"warning: {text}" for text in discretization.warnings]
+        text = description(discretization, options.verbose)
+        return _checked(options, comm, text, discretization.warnings)
+
+
+def _checked(
+    options: argparse.Namespace, comm: MPI.Comm, text: str, warnings: Iterable[str]
+) -> int:
+    """Print what is in a scene."""
+    lines = [text, *(f"warning: {warning}" for warning in warnings)]
     lines.append(_next("stands", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))

@@ -8,7 +8,7 @@ has this arm. So a state misses about the part a of what it carries.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -82,15 +82,21 @@ def _of_values(scene: Scene) -> Iterator[str]:
     for kind in ("dead", "live"):
         earth = getattr(scene, kind).earth
         given |= {f"loads.{kind}.earth.{name}": item for name, item in earth.items()}
+    yield from unusual_values(given)
+    for key, item in given.items():
+        if scene.plane == "strain" and getattr(item, "poisson", 0.0) > LOCKS:
+            yield (
+                f"{key}.poisson = {item.poisson:g} in plane strain: cells are too stiff in bending"
+            )
+
+
+def unusual_values(given: Mapping[str, Any]) -> Iterator[str]:
+    """Values that are probably in another unit, of materials, laws and earth by their keys."""
     for key, item in given.items():
         for name, (limit, sense, unit, words) in UNUSUAL.items():
             value = getattr(item, name, None) or 0.0
             if value > 0.0 and sense * (value - limit) > 0.0:
                 yield f"{key}.{name} = {value:g}{unit} is {words}"
-        if scene.plane == "strain" and getattr(item, "poisson", 0.0) > LOCKS:
-            yield (
-                f"{key}.poisson = {item.poisson:g} in plane strain: cells are too stiff in bending"
-            )
 
 
 def _of_groups(scene: Scene, boundary: Boundary) -> Iterator[str]:

@@ -8,11 +8,11 @@
 
 Stationarity is asked with f_s in place of f_u, so that friction need not be associated:
 
-    H d + C x + w a - G_s(x)^T (y, z) - (r . p) a = 0,     f_L . d = W + rho . p,
+    H d + e + C x + w a - G_s(x)^T (y, z) - (r . p) a = 0,     f_L . d = W + rho . p,
 
-G_s the derivatives of slacks with f_s, and a = dN/dx. The elastic state with Coulomb's law under
-the work W has f_u = F, f_s = D; programs have f_u = f_s. Newton's step, with the springs M = C +
-G_s^T W^-2 G_u of each unit, is
+G_s the derivatives of slacks with f_s, a = dN/dx, and e the springs' offset. The elastic state
+with Coulomb's law under the work W has f_u = F, f_s = D; programs have f_u = f_s, and no e.
+Newton's step, with the springs M = C + G_s^T W^-2 G_u of each unit, is
 
     A dd = ... ,   A = H^T M^-1 H,
 
@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -216,6 +217,7 @@ class _Method:
         self.factors = np.array([row.factor for row in program.rows])
         self.least = np.array([row.least for row in program.rows])
         self.compliance = model.compliance if program.elastic else np.zeros(model.shape)
+        self.offset: Any = 0.0 if model.offset is None or not program.elastic else model.offset
         self.symmetric = np.array_equal(program.friction, program.dilatancy)
         self.curved = bool(np.any(model.kappa))
         self.cones = (*model.cones, Positive())
@@ -306,8 +308,9 @@ class _Local:
             cone.degree(slack) for cone, slack in zip(method.cones, self.slacks, strict=True)
         )
         self.equilibrium = model.missing(point.force, point.load_factor)
-        # H d + C x + w a - G_s^T (y, z) - (r . p) a
-        stationary = model.relative(point.motion) + method.compliance * point.force
+        # H d + e + C x + w a - G_s^T (y, z) - (r . p) a
+        stationary = model.relative(point.motion) + method.offset
+        stationary += method.compliance * point.force
         for gradient, dual in zip(self.gradients, point.duals, strict=False):
             stationary -= _transposed(gradient, dual)
         row_duals = point.duals[-1]

@@ -38,6 +38,8 @@ class FaceModel:
         dilatancy: D <= F: slip s opens by D |s| at least.
         compliance: Of the units' springs in the elastic state, shape (units, m).
         kappa: 1 / (2 L f_c), where pressure has a limit; else 0.
+        offset: Relative motions at which the springs have no force, their signs reversed, shape
+            (units, m): of ground that has moved; None for 0.
     """
 
     motion: Any
@@ -49,6 +51,7 @@ class FaceModel:
     dilatancy: Array
     compliance: Array
     kappa: Array
+    offset: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -12,6 +12,8 @@ from fenics_contact.errors import check_types, key_of, require
 
 #: Heights of a profile: cells are cut there.
 MOST_HEIGHTS = 100
+#: Degrees by which supports can turn: displacements are small.
+MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
 

@@ -21,6 +21,7 @@ from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.rules import (
     FINITE,
+    MOST_TILT,
     NOT_NEGATIVE,
     POSITIVE,
     STRENGTH,
@@ -64,8 +65,6 @@ StressLaw = Callable[..., Any]
 LONGEST_TITLE = 1000
 #: Relative difference up to which tangents of two angles are one: they are given to six digits.
 SAME_ANGLE = 1e-5
-#: Degrees by which supports can turn: displacements are small.
-MOST_TILT = 5.0
 #: Components of forces below this part of their size are rounding.
 ROUNDING = 1e-9
 #: Largest friction: programs for rigid blocks take coefficients up to 1e15.

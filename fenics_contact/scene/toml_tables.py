@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -117,11 +117,7 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
     prefix = f"{key}." if key else ""
     table = as_mapping(key, table)
     kinds = get_type_hints(kind)
-    known = [key_of(name) for name in kinds]
-    for name in [name for name in table if name not in known]:
-        close = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(known))}"
-        raise InputError(f"unknown key '{prefix}{name}'; {hint}")
+    refuse_unknown(key, table, [key_of(name) for name in kinds])
     values = {}
     for item in fields(kind):  # type: ignore[arg-type]
         name = key_of(item.name)
@@ -138,6 +134,19 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         return kind(**values)
     except InputError as error:
         raise InputError(f"{prefix}{error}") from None
+
+
+def refuse_unknown(key: str, table: Iterable[str], known: Collection[str]) -> None:
+    """Refuse keys of a table that are none of those known.
+
+    Raises:
+        InputError: The message names the nearest one, or all.
+    """
+    prefix = f"{key}." if key else ""
+    for name in [name for name in table if name not in known]:
+        close = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(known))}"
+        raise InputError(f"unknown key '{prefix}{name}'; {hint}")
 
 
 def _value(key: str, value: Any, kind: Any) -> Any:

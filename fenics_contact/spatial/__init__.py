@@ -5,7 +5,7 @@ contact carries pressure and Coulomb friction at points. Blocks are rigid; faces
 """
 
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
-from fenics_contact.spatial.loads import Floor, Force, Load, Sides
+from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
 
@@ -17,6 +17,7 @@ __all__ = [
     "JointLaw",
     "Load",
     "Material",
+    "Movement",
     "OutputOptions",
     "Plane",
     "Polyhedron",
@@ -24,4 +25,5 @@ __all__ = [
     "Seismic",
     "Sides",
     "SolveOptions",
+    "Tie",
 ]

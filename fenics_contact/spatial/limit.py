@@ -30,6 +30,5 @@ def as_collapse(structure: Structure, state: FaceState, sign: float) -> SpatialC
     mode[structure.number >= 0] = state.mode.reshape(-1, 6)
     mode[:, 3:] /= structure.size
     mode /= np.linalg.norm(mode[:, :3], axis=1).max(initial=1e-300)
-    return SpatialCollapse(
-        "limit", state.load_factor, state.gap, mode=mode, force=state.force, sign=sign
-    )
+    force = structure.point_forces(state.force)
+    return SpatialCollapse("limit", state.load_factor, state.gap, mode=mode, force=force, sign=sign)

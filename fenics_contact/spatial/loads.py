@@ -12,7 +12,9 @@ from fenics_contact.errors import InputError, require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.scene.rules import (
     FINITE,
+    MOST_TILT,
     NOT_NEGATIVE,
+    POSITIVE,
     Checked,
     listed,
     require_profile,
@@ -25,6 +27,8 @@ from fenics_contact.spatial.points import polygon_centroid
 from fenics_contact.spatial.polyhedra import Block
 
 Vector = tuple[float, float, float]
+#: Number of the ground where an anchor ends, which is no block.
+GROUND = -1
 #: Acceleration of a live load that is given by its direction, and of a floor's mass, m/s2.
 GRAVITY = 9.81
 #: Cosine of the largest angle between a side and the direction by which it is chosen: 1 degree.
@@ -100,6 +104,83 @@ class Force(Checked):
 
 
 @dataclass(frozen=True)
+class Movement(Checked):
+    """A small movement of the ground: settlement, spreading, tilt.
+
+    Attributes:
+        displacement: Of the centroid, m.
+        rotation: About axes through the centroid, degrees.
+    """
+
+    displacement: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
+    rotation: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        small = max(abs(angle) for angle in self.rotation) <= MOST_TILT
+        text = f"rotation = {list(self.rotation)} must lie in -{MOST_TILT:g} ... {MOST_TILT:g}"
+        require(small, f"{text} degrees")
+
+    @property
+    def motion(self) -> Array:
+        """Displacement and rotation, m and rad, shape (6,)."""
+        return np.append(self.displacement, np.radians(self.rotation))
+
+
+@dataclass(frozen=True)
+class Tie(Checked):
+    """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
+
+    Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
+
+    Attributes:
+        from_: Where it begins: a place in a block, m.
+        yield_: Tension at which it yields, N.
+        to: Where it ends: a place in another block.
+        ground: The place in the ground where it ends, m, in place of `to`.
+        stiffness: E A / L, N/m; None: as stiff as a typical point of the joints.
+        prestress: Tension in the structure as drawn, N.
+    """
+
+    from_: tuple[float, float, float] = ruled(require_vector)
+    yield_: float = ruled(POSITIVE)
+    to: tuple[float, float, float] | None = ruled(require_vector, None)
+    ground: tuple[float, float, float] | None = ruled(require_vector, None)
+    stiffness: float | None = ruled(POSITIVE, None)
+    prestress: float = ruled(NOT_NEGATIVE, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require((self.to is None) != (self.ground is None), "to: give either to or ground")
+        within = self.prestress <= self.yield_
+        require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
+        require(self.from_ != (self.to or self.ground), "to: it ends where it begins")
+
+    def bar(self, key: str, blocks: Sequence[Block], near: float) -> Bar:
+        """The bar between the blocks that are at its ends."""
+        first = numbered(f"{key}.from", blocks, None, self.from_, near)
+        second = GROUND
+        if self.to is not None:
+            second = numbered(f"{key}.to", blocks, None, self.to, near)
+        text = f"{key}: both ends are in block '{blocks[first].name}'; a tie joins two"
+        require(first != second, text)
+        return Bar(self, (first, second))
+
+    @property
+    def ends(self) -> Array:
+        """M, shape (2, 3)."""
+        return np.array([self.from_, self.to or self.ground], dtype=float)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A tie, and the numbers of the two blocks that it holds together; `GROUND` is the ground."""
+
+    tie: Tie
+    blocks: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class Load(Checked):
     """Body force, tractions and forces.
 
@@ -108,6 +189,7 @@ class Load(Checked):
         direction: That of `body` in place of it: 9.81 m/s2 this way.
         traction: Force per area, Pa, by name of sides.
         force: Forces by any name.
+        movement: Of fixed blocks and foundations by their names; of the dead load only.
         profile: Factor on `body` over the height above the lowest point of what moves, of the live
             load only: "uniform"; "triangular", which grows from 0 and leaves the total as it is; or
             pairs (height, factor), m and 1, with straight lines between, constant beyond.
@@ -117,6 +199,7 @@ class Load(Checked):
     direction: tuple[float, float, float] | None = ruled(DIRECTION, None)
     traction: Mapping[str, Vector] = field(default_factory=dict)
     force: Mapping[str, Force] = field(default_factory=dict)
+    movement: Mapping[str, Movement] = field(default_factory=dict)
     profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
 
     def __post_init__(self) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
+import fnmatch
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,7 @@ from fenics_contact.scene.rules import (
     ruled,
 )
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
-from fenics_contact.scene.toml_tables import from_table, read_toml
+from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.contacts import Contact, contacts_of
 from fenics_contact.spatial.loads import (
@@ -41,6 +40,7 @@ from fenics_contact.spatial.loads import (
     Load,
     Masses,
     Sides,
+    Tie,
     Vector,
     summed,
     surface_loads,
@@ -136,6 +136,7 @@ class _Shared:
     foundations: Mapping[str, Foundation] = field(default_factory=dict)
     sides: Mapping[str, Sides] = field(default_factory=dict)
     floors: Mapping[str, Floor] = field(default_factory=dict)
+    ties: Mapping[str, Tie] = field(default_factory=dict)
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
     seismic: Seismic | None = None
@@ -157,6 +158,7 @@ class Scene(Checked, _Shared):
             point, with the law of "default" joints.
         sides: Sides of blocks by names, for tractions and forces.
         floors: By any name.
+        ties: Ties, anchors and cables by any name.
         solve: How to look for the limit load.
         output: What to write.
         seismic: What the seismic check of the mechanism needs.
@@ -171,13 +173,30 @@ class Scene(Checked, _Shared):
         super().__post_init__()
         require(any(not block.fixed for block in self.blocks), "blocks: there is none that moves")
         require(bool(self.materials), "materials is missing; give [materials.default]")
-        for name, law in {**self.joints, **self.foundations}.items():
-            table = f"{'joints' if name in self.joints else 'foundations'}.{name}"
+        for table, law in self.laws().items():
             require(law.gap == 0.0, f"{table}.gap: contacts in space are closed; leave it out")
             kept = f"{table}.opened: strengths are kept in space; leave it out"
             require(law.opened == "kept", kept)
             solid = f"{table}.glued: give blocks that move as one as pieces of one block"
             require(not law.glued, solid)
+            places = any(not isinstance(end, str) for end in law.between or ())
+            text = f"{table}.between = {list(law.between or ())} must be two groups or blocks"
+            require(not places, text)
+            crushing = law.tensile_strength > 0.0 and law.compressive_strength is not None
+            text = f"{table}: joints that crush carry no tension; leave out one of the strengths"
+            require(not crushing, text)
+        unmultiplied = "the ground moves with the dead load; give it in loads.dead.movement"
+        require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
+        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
+        require(self.dead.profile == "uniform", text)
+        bare = self.live.profile != "uniform" and not any(self.live.acceleration)
+        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+        require(self.output.capacity == 0, "output.capacity: there is no curve in space; leave it")
+
+    def laws(self) -> dict[str, JointLaw]:
+        """Laws of contacts by their keys in a scene file."""
+        laws: dict[str, JointLaw] = {f"joints.{name}": law for name, law in self.joints.items()}
+        return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
     @property
     def units(self) -> Units:
@@ -231,7 +250,7 @@ class Scene(Checked, _Shared):
         blocks = (*self.blocks, *self._ground(size))
         contacts, laws = self._contacts(blocks)
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
-        masses = Masses.of_blocks(blocks, {k: self._material(blocks[k]).density for k in moving})
+        masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
         lying = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
         dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
         live = surface_loads("loads.live", self.live, blocks, self.sides, near)
@@ -245,9 +264,32 @@ class Scene(Checked, _Shared):
         factors = self.live.factors(every.position[:, 2] - foot, every.mass)
         push = every.forces(self.live.acceleration, factors)
         live += summed(blocks, every.block, every.position, push)
-        return Structure(blocks, contacts, laws, dead, live, self.solve.quick)
+        bars = tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items())
+        young = max(material.young for material in self.materials.values())
+        return Structure(
+            blocks,
+            contacts,
+            laws,
+            dead,
+            live,
+            self.solve.quick,
+            bars,
+            self._moved(blocks),
+            young,
+            every,
+        )
 
-    def _material(self, block: Block) -> Material:
+    def _moved(self, blocks: Sequence[Block]) -> Array | None:
+        """Motions of the ground, m and rad, shape (blocks, 6)."""
+        moved = np.zeros((len(blocks), 6))
+        fixed = {block.name: k for k, block in enumerate(blocks) if block.fixed}
+        for name, movement in self.dead.movement.items():
+            text = f"loads.dead.movement.{name}: '{name}' is neither a fixed block nor a foundation"
+            require(name in fixed, f"{text}; there are {listed(sorted(fixed))}")
+            moved[fixed[name]] = movement.motion
+        return moved if self.dead.movement else None
+
+    def material(self, block: Block) -> Material:
         """Material of a block."""
         material = self.materials.get(block.group) or self.materials.get("default")
         if material is None:
@@ -290,7 +332,7 @@ class Scene(Checked, _Shared):
                 strengths = [law.compressive_strength]
                 if law.compressive_strength is None:
                     here = [block for block in (first, second) if not block.fixed]
-                    strengths = [self._material(block).compressive_strength for block in here]
+                    strengths = [self.material(block).compressive_strength for block in here]
                 known = [strength for strength in strengths if strength is not None]
                 kept.append(contact)
                 laws.append(
@@ -473,26 +515,18 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
         blocks = readers.blocks_from_file(folder / file)
     else:
         blocks = _built(str(given.pop("builder")), given)
-    made = []
-    used = set()
-    for block in blocks:
-        fixed = [name for name in changes.fixed if fnmatchcase(block.name, name)]
-        groups = [
-            (group, name)
-            for group, names in changes.groups.items()
-            for name in names
-            if fnmatchcase(block.name, name)
-        ]
-        used |= {*fixed, *(name for _, name in groups)}
-        group = groups[0][0] if groups else block.group
-        made.append(replace(block, group=group, fixed=block.fixed or bool(fixed)))
-    every = {*changes.fixed, *(name for names in changes.groups.values() for name in names)}
-    unused = sorted(every - used)
-    names = listed(block.name for block in made[:5])
-    require(
-        not unused, f"blocks: no block is called {listed(unused[:1])}; names begin with {names}"
-    )
-    return tuple(made)
+    names = [block.name for block in blocks]
+    wished: list[tuple[str, dict[str, Any]]] = [
+        (pattern, {"fixed": True}) for pattern in changes.fixed
+    ]
+    for group, patterns in changes.groups.items():
+        wished += [(pattern, {"group": group}) for pattern in patterns]
+    for pattern, change in wished:
+        chosen = set(fnmatch.filter(names, pattern))
+        text = f"blocks: no block is called '{pattern}'; the first ones are {listed(names[:5])}"
+        require(bool(chosen), text)
+        blocks = tuple(replace(b, **change) if b.name in chosen else b for b in blocks)
+    return blocks
 
 
 def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
@@ -505,14 +539,14 @@ def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
     }
     text = f"blocks.builder = '{name}' must be one of {listed(sorted(known))}"
     require(name in known, text)
-    keys = set(known[name].__annotations__) - {"return"}
-    for key in sorted(set(given) - keys):
-        close = difflib.get_close_matches(key, keys, 1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(keys))}"
-        raise InputError(f"unknown key 'blocks.{key}'; {hint}")
+    function = known[name]
+    keys = set(function.__annotations__) - {"return"}
+    refuse_unknown("blocks", given, keys)
+    optional = getattr(function, "__wrapped__", function).__kwdefaults__ or {}
+    missing = sorted(keys - set(optional) - set(given))
+    text = f"blocks.{min(missing, default='')} is missing; the builder '{name}' needs it"
+    require(not missing, text)
     try:
-        return tuple(known[name](**given))
-    except TypeError as error:
-        raise InputError(f"blocks.builder = '{name}': {error}") from None
+        return tuple(function(**given))
     except InputError as error:
         raise InputError(f"blocks.{error}") from None

@@ -1,0 +1,88 @@
+"""What is in a scene in space, and what is probably meant otherwise, in lines for people."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from fenics_contact.console import law_text
+from fenics_contact.discretization.warnings import unusual_values
+from fenics_contact.results.bounds import counted
+from fenics_contact.scene.rules import listed
+from fenics_contact.spatial.scene import Scene
+from fenics_contact.spatial.structure import Structure
+
+#: Blocks that a warning names.
+NAMED = 5
+
+
+def description(scene: Scene, structure: Structure) -> str:
+    """Blocks, contacts, ties, floors and sums of loads, in lines."""
+    units = scene.units
+    moving = [block for block in structure.blocks if not block.fixed]
+    fixed = len(structure.blocks) - len(moving)
+    volume = sum(block.volume for block in moving)
+    mass = sum(block.volume * scene.material(block).density for block in moving)
+    lines = [
+        scene.title or "(no title)",
+        f"{counted(len(moving), 'block')} and {fixed} of ground, volume {volume:.6g} m3, mass"
+        f" {units.mass(mass)}",
+    ]
+    lines += [f"group {name}: {counted(n, 'block')}" for name, n in _groups(scene).items()]
+    pairs = list(zip(structure.contacts, structure.laws, strict=True))
+    for key, law in scene.laws().items():
+        kind, _, name = key.partition(".")
+        areas = [contact.area for contact, own in pairs if own.key == key]
+        found = f"{counted(len(areas), 'contact')}, area {sum(areas):.6g} m2"
+        text = f"{law_text(law, units)}, {found}" if law.acts else "off: carries nothing"
+        lines.append(f"{kind[:-1]} {name}: {text}")
+    for name, tie in scene.ties.items():
+        ends = " to ".join(units.place(end) for end in tie.ends)
+        more = f", prestress {units.force(tie.prestress)}" if tie.prestress else ""
+        lines.append(f"tie {name}: {ends}, yields at {units.force(tie.yield_)}{more}")
+    for name, floor in scene.floors.items():
+        more = ", with its mass" if floor.mass else ""
+        lines.append(
+            f"floor {name}: {units.text(floor.force, 'N/m2')} at z = {units.length(floor.z)}{more}"
+        )
+    for name, movement in scene.dead.movement.items():
+        turned = ", ".join(f"{angle:g}" for angle in movement.rotation)
+        moved = units.place(movement.displacement, 6)
+        lines.append(f"{name} moves by {moved}, turns by ({turned}) degrees")
+    for name, load in (("dead", structure.dead), ("live", structure.live)):
+        lines.append(f"{name} load: resultant {units.forces(load[:, :3].sum(axis=0))}")
+    return "\n".join(lines)
+
+
+def _groups(scene: Scene) -> Counter[str]:
+    """Numbers of blocks by groups, where there is more than one."""
+    groups = Counter(block.group for block in scene.blocks)
+    return groups if len(groups) > 1 else Counter()
+
+
+def warnings_on(scene: Scene, structure: Structure) -> Iterator[str]:
+    """What is legal and probably meant otherwise."""
+    yield from structure.warnings
+    materials = {f"materials.{name}": material for name, material in scene.materials.items()}
+    yield from unusual_values({**materials, **scene.laws()})
+    touching = {k for contact in structure.contacts for k in (contact.first, contact.second)}
+    moving = [k for k, block in enumerate(structure.blocks) if not block.fixed]
+    for numbers, text in (
+        ([k for k in moving if k not in touching], "touch no other: nothing holds them"),
+        (
+            [k for k in moving if not scene.material(structure.blocks[k]).density],
+            "have no weight: their material has no density",
+        ),
+    ):
+        if numbers:
+            names = listed(structure.blocks[k].name or str(k) for k in numbers[:NAMED])
+            more = ", ..." if len(numbers) > NAMED else ""
+            yield f"{counted(len(numbers), 'block')} {text} ({names}{more})"
+    used = {law.key for law in structure.laws}
+    for key, law in scene.laws().items():
+        if law.acts and key not in {*used, "joints.default"}:
+            yield f"{key} is the law of no contact"
+    if not np.any(structure.live):
+        yield "loads.live pushes nothing"
