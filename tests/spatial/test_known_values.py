@@ -1,0 +1,58 @@
+"""Walls, vaults and domes whose limit loads are known."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from fenics_contact.spatial import builders
+from fenics_contact.spatial.limit import collapse_of
+from tests.bank import WALLS
+from tests.spatial.bank import Pushed, barrel, towards
+
+
+def limit_of(scene, quick=True, least=1e-6):
+    """Load factor, and how far it may be from the exact one."""
+    found = collapse_of(scene.structure(quick))
+    assert found.status == "limit"
+    return found.load_factor, max(found.gap, least) * found.load_factor
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("degrees", [90.0, 60.0, 45.0])
+def test_free_wall_turns_about_its_foot(degrees, quick):
+    """Thickness over height, whatever the push along the wall: it cannot turn that way."""
+    make = partial(builders.wall, length=2.0, height=0.875, thickness=0.2, brick=(0.4, 0.175))
+    factor, error = limit_of(Pushed(make, 0.6, towards(degrees)), quick)
+    by_hand = 0.2 / 0.875 / np.sin(np.radians(degrees))
+    assert factor == pytest.approx(by_hand, abs=error)
+
+
+@pytest.mark.parametrize("strips", [1, 3, 10])
+def test_barrel_vault_is_an_arch(strips):
+    factor, error = limit_of(Pushed(partial(barrel, strips), 0.6, towards(0.0)))
+    assert factor == pytest.approx(0.307755, abs=error + 1e-6)
+
+
+@pytest.mark.slow
+def test_long_barrel_vault_is_an_arch():
+    factor, error = limit_of(Pushed(partial(barrel, 19), 0.6, towards(0.0)))
+    assert factor == pytest.approx(0.307755, abs=error + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wall", "lowest", "highest"),
+    [
+        ("W1", 0.63881, 0.6431),
+        ("W2", 0.5571, 0.5805),
+        ("W3", 0.3558, 0.4045),
+        ("W4", 0.2637, 0.3325),
+    ],
+)
+def test_planar_walls_with_a_thickness(wall, lowest, highest):
+    """Between the lowest collapse state known in the plane and the limit of associative slip."""
+    make = partial(builders.extruded, courses=WALLS[wall], thickness=0.2, brick=(0.4, 0.175))
+    factor, error = limit_of(Pushed(make, 0.65, towards(0.0)))
+    assert lowest - error <= factor <= highest + error
