@@ -112,6 +112,8 @@ class Strips:
 
 #: Parts of facets, and of normals, below this are rounding.
 NOTHING = 1e-9
+#: Distance from a floor's height over the length of a facet up to which beds are uneven.
+UNEVEN = 0.1
 
 
 def upward(body: tuple[float, float]) -> Array:
@@ -140,6 +142,7 @@ def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
             under = np.all(within, axis=1)
             top = height[under].max(initial=-np.inf)
             rows = under & np.all(height >= top - near, axis=1)
+            rows = _with_uneven(boundary, strips, rows, np.abs(height - floor.y).max(axis=1))
             strips = Strips(strips.facets[rows], strips.start[rows], strips.end[rows])
         found[name] = strips
         if len(strips.facets):
@@ -156,6 +159,26 @@ def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
                 missed += f"the nearest is at y = {nearest:g}"
         raise InputError(f"floors.{name}.{missed}")
     return found
+
+
+def _with_uneven(boundary: Boundary, strips: Strips, level: Flags, away: Array) -> Flags:
+    """Which strips a floor lies on: those at its level, and beside them uneven ones near to it.
+
+    Args:
+        boundary: Of the blocks.
+        strips: Of sides that look up.
+        level: Which are at its level, shape (strips,).
+        away: Their largest distance from its height, m.
+    """
+    first, second = boundary.points[strips.facets, :2, 0].T
+    reach = np.stack([first + part * (second - first) for part in (strips.start, strips.end)])
+    low, high = reach.min(axis=0), reach.max(axis=0)
+    rows = level.copy()
+    near = np.flatnonzero(~level & (away <= UNEVEN * boundary.length[strips.facets]))
+    for row in near[np.argsort(away[near], kind="stable")]:
+        middle = 0.5 * (low[row] + high[row])
+        rows[row] = not np.any((low[rows] < middle) & (middle < high[rows]))
+    return rows
 
 
 #: Cells of strips; points of integration in the reference cell, shape (strips or 1, points, 2);

@@ -103,6 +103,18 @@ def test_floor_inside_a_wall_lies_on_the_block_below(floor, row, ends, degree):
     assert np.all(added({"one": floor}, "live") == 0.0)
 
 
+def test_floor_lies_on_an_uneven_bed():
+    """Stones that were measured: their tops are some mm above and below the floor's height."""
+    tops = (0.503, 0.5, 0.4975)
+    low = [rectangle(0.4 * k, 0.0, 0.4 * (k + 1), top) for k, top in enumerate(tops)]
+    high = [rectangle(0.4 * k, top, 0.4 * (k + 1), 1.0) for k, top in enumerate(tops)]
+    model = polygons([*low, *high], 0.1, groups=sides(base=(0, 0, 1.2, 0)))
+    floors = {"first": Floor(FLOOR, y=0.5, x=(0.0, 1.1))}
+    with Discretization(on_ground(model, coulomb(0.6), floors=floors, solve=FAST)) as made:
+        assert "floor first: 8000 N/m2 on 1.1 m" in description(made.layout)
+        assert not any("floors" in text for text in made.warnings)
+
+
 def test_triangular_load_counts_the_floors():
     """The total is that of all masses, and rises from the foot: F_i = F z_i m_i / sum z_j m_j."""
     floors = {"bed": Floor(FLOOR, "bed", mass=True),

@@ -57,6 +57,16 @@ def test_stones_of_one_layer_as_closed_polylines_and_as_lines(sheet):
     assert contents.drawing.names == ["STONE"] * 3 and not contents.slips
 
 
+def test_outlines_of_openings_beside_lines_leave_no_slivers(sheet):
+    """The line above the door ends beside its corner, whose outline is 2 mm inside the stones."""
+    sheet.lines(((0, 0), (1, 0)), ((2, 0), (3, 0)), ((0, 1), (3, 1)), ((0, 2), (3, 2)))
+    sheet.lines(*(((x, 0), (x, 0.998)) for x in (1, 2)), *(((x, 0), (x, 2)) for x in (0, 3)))
+    sheet.box(1.002, 0, 1.999, 0.999, layer="DOOR")
+    contents = sheet.read(snap=0.003)
+    assert areas(contents) == pytest.approx([1.0, 1.0, 3.0])
+    assert len(contents.voids) == 1 and not contents.marks
+
+
 def test_faces_below_arcs_ellipses_and_splines_are_blocks(sheet):
     sheet.lines(((0, 0), (6, 0)))
     layer = {"layer": "JOINTS"}

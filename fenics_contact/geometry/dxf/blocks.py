@@ -23,6 +23,7 @@ from fenics_contact.geometry.dxf.curves import (
     as_ring,
     chains_of_chords,
     end_where_they_return,
+    openings_onto_lines,
     snapped_curves,
 )
 from fenics_contact.geometry.dxf.faces import (
@@ -148,7 +149,10 @@ def read_dxf(
     def attempt(reach: float, some: CurveRoles = by_role) -> _Reading:
         """The drawing with a `snap`, before its blocks are found."""
         bounding = [*some.lines, *some.voids, *some.blocks]
-        curves = snapped_curves(found.curves, bounding, reach) if reach else found.curves
+        curves = found.curves
+        if reach:
+            curves = openings_onto_lines(curves, some.voids, some.lines, reach)
+            curves = snapped_curves(curves, bounding, reach)
         return _Reading(replace(found, curves=curves), some, near, origin, reach)
 
     read = attempt(snap)

@@ -37,6 +37,8 @@ BACK = 1e-6
 OVER = 1e-4
 #: Least sine of the angle at which two lines meet: below it they run beside each other.
 STEEP = 0.1
+#: Places along a side of an opening at which lines beside it are looked for.
+BESIDE = 32
 #: Part of its last piece by which a line may become shorter.
 SHORTER = 0.9
 #: Part of the reach within which an end lies on a line that it was moved to; arcs are chords here.
@@ -309,6 +311,52 @@ def snapped_curves(curves: Sequence[Curve], some: Sequence[int], reach: float) -
     ends = _Ends.of(found, some)
     touching = _Ends(*(getattr(ends, item.name)[~hangs] for item in fields(ends)))
     return _extended(found, some, touching, reach)  # on lines that have turned a little
+
+
+def openings_onto_lines(
+    curves: Sequence[Curve], voids: Sequence[int], lines: Sequence[int], reach: float
+) -> list[Curve]:
+    """Curves of which straight outlines of openings go to lines that run beside them.
+
+    Else what is between the two would be a sliver of a block.
+    """
+    found = list(curves)
+    outlines = [k for k in voids if curves[k].closed and not np.any(curves[k].bulges)]
+    if not (lines and outlines):
+        return found
+    segments, _ = _segments_of(curves, lines)
+    over = segments[:, 1] - segments[:, 0]
+    over /= np.linalg.norm(over, axis=1, keepdims=True)
+    part = ((np.arange(BESIDE) + 0.5) / BESIDE)[:, None]
+    for k in outlines:
+        points = curves[k].points
+        sides = np.roll(points, -1, axis=0) - points
+        way = sides / np.maximum(np.linalg.norm(sides, axis=1, keepdims=True), 1e-300)
+        samples = (points[:, None] + part * sides[:, None]).reshape(-1, 2)
+        pairs = points_near_segments(samples, segments, reach)
+        side = pairs.point // BESIDE
+        beside = np.abs(_cross(way[side], over[pairs.segment])) < STEEP
+        base = points.copy()
+        for number in np.unique(side[beside]).tolist():  # the line beside most of it
+            line = np.bincount(pairs.segment[beside & (side == number)]).argmax()
+            base[number], way[number] = segments[line, 0], over[line]
+        # A corner is where a side meets the one before; of two in one line, it is on that.
+        first, along = np.roll(base, 1, axis=0), np.roll(way, 1, axis=0)
+        sine = _cross(along, way)
+        meets = np.abs(sine) >= STEEP
+        far = _cross(base - first, way) / np.where(meets, sine, 1.0)
+        level = np.sum((points - base) * way, axis=1)
+        corners = np.where(
+            meets[:, None], first + far[:, None] * along, base + level[:, None] * way
+        )
+        if np.linalg.norm(corners - points, axis=1).max() <= 2.0 * reach:
+            found[k] = replace(curves[k], points=corners)
+    return found
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """Cross products of vectors in the plane."""
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def _segments_of(curves: Sequence[Curve], some: Sequence[int]) -> tuple[Array, Indices]:
