@@ -42,6 +42,7 @@ from fenics_contact.requirements import GMSH_WAYS
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
 Tags = npt.NDArray[np.uint64]
+Volumes = tuple[list[tuple[int, str, list[tuple[int, ...]]]], Tags, Array]
 
 #: What a block is: connected cells, or connected cells of one gmsh surface.
 BLOCKS = ("connected", "surfaces")
@@ -208,7 +209,22 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
     Raises:
         ValueError: If gmsh cannot read the file, with its reason.
     """
-    limits = limits or ReadLimits()
+    return GmshContents(*_read(path, limits or ReadLimits(), "contents"))
+
+
+def read_volumes(path: Path) -> Volumes:
+    """Volumes of a gmsh file (number, group, outer faces by nodes), tags and places of its nodes.
+
+    Raises:
+        ValueError: If gmsh cannot read the file, with its reason.
+    """
+    require(find_spec("gmsh") is not None, _GMSH)
+    volumes, tags, coordinates = _read(path, ReadLimits(), "volumes")
+    return volumes, tags, coordinates
+
+
+def _read(path: Path, limits: ReadLimits, what: str) -> tuple[Any, ...]:
+    """What a function of `gmsh_reader` returns, in a process of its own."""
     size = path.stat().st_size
     seconds = limits.seconds + limits.seconds_per_megabyte * size / 1e6
     memory = limits.memory + limits.memory_per_byte * size
@@ -218,7 +234,7 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
     environment["OPENBLAS_NUM_THREADS"] = "1"  # each takes address space
     try:
         done = subprocess.run(
-            [sys.executable, "-P", str(gmsh_reader.__file__), str(path), *numbers],
+            [sys.executable, "-P", str(gmsh_reader.__file__), str(path), *numbers, what],
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -234,7 +250,7 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
         failure = "it finds no end" if no_end else f"it crashes (exit code {done.returncode})"
     if failure:
         raise ValueError(failure)
-    return GmshContents(*columns)
+    return tuple(columns)
 
 
 def text_contents(path: Path) -> GmshContents | None:

@@ -10,6 +10,7 @@ import os
 import pickle
 import resource
 import sys
+from itertools import product
 from typing import Any
 
 
@@ -36,7 +37,30 @@ def contents(model: Any) -> tuple[Any, ...]:
     return groups, tags, coordinates.reshape(-1, 3), elements, kinds
 
 
-def _main(path: str, seconds: str, memory: str) -> None:
+def volumes(model: Any) -> tuple[Any, ...]:
+    """Volumes of the current `gmsh.model`: number, group and outer faces; and all nodes.
+
+    Outer faces are those of one element only; without elements, those of the volume's surfaces.
+    """
+    found = []
+    for _, volume in model.getEntities(3):
+        entities = [(3, volume)]
+        if not model.mesh.getElementTypes(3, volume).size:
+            entities = model.getBoundary(entities, oriented=False)
+        uses: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
+        for dim, tag in entities:
+            for kind, width in product(model.mesh.getElementTypes(dim, tag), (3, 4)):
+                flat = model.mesh.getElementFaceNodes(kind, width, tag, True)
+                for loop in flat.reshape(-1, width).tolist():
+                    uses.setdefault(tuple(sorted(loop)), []).append(tuple(loop))
+        groups = [int(tag) for tag in model.getPhysicalGroupsForEntity(3, volume)]
+        name = model.getPhysicalName(3, abs(groups[0])) or str(abs(groups[0])) if groups else ""
+        found.append((volume, name, [same[0] for same in uses.values() if len(same) == 1]))
+    tags, coordinates, _ = model.mesh.getNodes()
+    return [one for one in found if one[2]], tags, coordinates.reshape(-1, 3)
+
+
+def _main(path: str, seconds: str, memory: str, what: str) -> None:
     """Read a file within limits; write (failure, contents) as a pickle to standard output."""
     for kind, most in ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, memory)):
         limit = int(most)
@@ -56,7 +80,7 @@ def _main(path: str, seconds: str, memory: str) -> None:
             gmsh.initialize(readConfigFiles=False)
             gmsh.option.setNumber("General.Terminal", 0)
             gmsh.open(path)
-            columns = contents(gmsh.model)
+            columns = {"contents": contents, "volumes": volumes}[what](gmsh.model)
         except Exception as error:
             failure = str(error) or "the file is damaged"
         pickle.dump((failure, columns), answer, protocol=5)

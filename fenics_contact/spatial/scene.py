@@ -509,13 +509,11 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
     )
     if "file" in given:
         readers = import_module("fenics_contact.spatial.readers")
-        file = given.pop("file")
-        text = f"unknown key 'blocks.{min(given, default='')}'; beside file there are fixed, groups"
-        require(not given, text)
-        blocks = readers.blocks_from_file(folder / file)
+        refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
+        blocks = readers.blocks_from_file(folder / given["file"], given.get("unit"))
     else:
         blocks = _built(str(given.pop("builder")), given)
-    names = [block.name for block in blocks]
+    names = [name for block in blocks for name in (block.name, block.group)]
     wished: list[tuple[str, dict[str, Any]]] = [
         (pattern, {"fixed": True}) for pattern in changes.fixed
     ]
@@ -523,9 +521,10 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
         wished += [(pattern, {"group": group}) for pattern in patterns]
     for pattern, change in wished:
         chosen = set(fnmatch.filter(names, pattern))
-        text = f"blocks: no block is called '{pattern}'; the first ones are {listed(names[:5])}"
+        first = listed(list(dict.fromkeys(names))[:6])
+        text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
         require(bool(chosen), text)
-        blocks = tuple(replace(b, **change) if b.name in chosen else b for b in blocks)
+        blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
     return blocks
 
 

@@ -283,7 +283,7 @@ def test_builder_and_groups_by_patterns_of_names(scene_of):
     groups = {block.group for block in scene.blocks}
     assert "heavy" in groups and len(groups) > 1
     for override, message in (
-        ("blocks.groups.odd=['nowhere*']", "no block is called 'nowhere"),
+        ("blocks.groups.odd=['nowhere*']", "no block or group is called 'nowhere"),
         ("blocks.legnth=2.0", "did you mean 'length'"),
         ("blocks.builder=barn", "blocks.builder = 'barn' must be one of 'barrel_vault'"),
         ("blocks.length=-1.0", "blocks.length = -1"),

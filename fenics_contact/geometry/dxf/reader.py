@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -81,15 +82,16 @@ class Curves:
     notes: list[str] = field(default_factory=list)
 
 
-def read_curves(path: Path, unit: str | None) -> Curves:
-    """Curves on the visible layers of a DXF file, with those of inserted blocks.
+@contextmanager
+def visible_entities(path: Path, unit: str | None) -> Iterator[tuple[Entities, str, list[str]]]:
+    """Entities on the visible layers of a DXF file, its unit, and what ezdxf says meanwhile.
 
     Args:
         path: The file.
         unit: One of `UNITS`; by default that of the file ($INSUNITS).
 
     Raises:
-        InputError: If ezdxf is missing, the file is no DXF, has no unit, or has a damaged entity.
+        InputError: If ezdxf is missing, or the file is no DXF or has no unit.
     """
     said: list[str] = []
 
@@ -110,8 +112,25 @@ def read_curves(path: Path, unit: str | None) -> Curves:
         known = unit or DXF_UNITS.get(document.units) or ""
         text = f"does not say its unit; give one of {', '.join(UNITS)}, as in --unit mm"
         require(known in UNITS, f"{source} {text}")
+        yield Entities(document, source), known, said
+    finally:
+        logger.propagate = before
+        logger.removeHandler(handler)
+
+
+def read_curves(path: Path, unit: str | None) -> Curves:
+    """Curves on the visible layers of a DXF file, with those of inserted blocks.
+
+    Args:
+        path: The file.
+        unit: One of `UNITS`; by default that of the file ($INSUNITS).
+
+    Raises:
+        InputError: If ezdxf is missing, the file is no DXF, has no unit, or has a damaged entity.
+    """
+    source = f"'{path}'"
+    with visible_entities(path, unit) as (parts, known, said):
         found = Curves(source, known, unit is not None)
-        parts = _Parts(document, source)
         for entity, layer in parts.visible():
             kind = entity.dxftype()
             curve = _curve(entity, layer, source) if kind in KINDS else None
@@ -128,9 +147,6 @@ def read_curves(path: Path, unit: str | None) -> Curves:
                 raise InputError(f"{source}: the {where} has {much}; delete it or draw it anew")
             else:
                 parts.left_out[f"{where} with {much}"] += 1
-    finally:
-        logger.propagate = before
-        logger.removeHandler(handler)
     found.notes += [f"left out: {count} {kind}" for kind, count in parts.left_out.items()]
     found.notes += [
         f"layer '{key}' is called '{name}': gmsh does not keep its name"
@@ -155,11 +171,11 @@ def _open_dxf(path: Path) -> Any:
     except OSError as error:  # ezdxf's own word for a file of another kind, too
         reason = error.strerror or "it is no DXF file"
     except Exception as error:  # damaged files fail anywhere in ezdxf
-        reason = str(error) or type(error).__name__
+        reason = " ".join(str(error).split()) or type(error).__name__
     raise InputError(f"'{path}' cannot be read: {reason}; save the drawing as DXF")
 
 
-class _Parts:
+class Entities:
     """Entities of a document with those of inserted blocks, counted.
 
     Attributes:
