@@ -219,6 +219,7 @@ class Point:
         lower_negative: Lower end of its bracket.
         upper_negative: Upper end.
         load_factor_point_hinges: Load factor with hinges of no length; nan if not known.
+        displacements: Number of those of the mesh, to compare meshes by.
         factorizations: Numeric factorisations.
         seconds: Time, s.
         reason: Why there is no limit load, for people.
@@ -233,6 +234,7 @@ class Point:
     lower_negative: float = math.nan
     upper_negative: float = math.nan
     load_factor_point_hinges: float = math.nan
+    displacements: int = 0
     factorizations: int = 0
     seconds: float = 0.0
     reason: str = ""
@@ -343,6 +345,7 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
         values,
         result.status,
         **found,
+        displacements=result.layout.size,
         factorizations=result.factorizations,
         seconds=time.perf_counter() - start,
         reason=" ".join(reason.split()),

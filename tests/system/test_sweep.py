@@ -48,6 +48,7 @@ def test_table_and_pictures(tmp_path, capsys):
     assert [float(row["load_factor"]) for row in table] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
     assert [float(row["upper"]) for row in table] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
     assert {row["status"] for row in table} == {"limit"}
+    assert min(int(row["displacements"]) for row in table) > 0
     again = run_here(["sweep", scene, "--vary", f"{BOTH}=0.1:0.3:3"], capsys)
     assert again.code == 0 and "3 of 3 points are there already" in again.out
     assert rows(folder) == table
