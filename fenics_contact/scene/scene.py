@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, check_types, checked, key_of, require
+from fenics_contact.errors import InputError, check_types, checked, key_of, require, shown
 from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.rules import (
@@ -698,6 +698,9 @@ class Scene(_Shared):
         Raises:
             InputError: If a table is wrong.
         """
+        plane = given.get("dimension", 2)
+        require(plane != 3, "dimension = 3: a scene in space is one of fenics_contact.spatial")
+        require(plane == 2, f"dimension = {shown(plane)} must be 2 or 3")
         tables = from_table(_SceneTables, given)
         return cls(
             mesh=mesh(tables.mesh.file, tables.mesh.blocks),
@@ -929,6 +932,7 @@ class _LoadTables:
 @dataclass(frozen=True)
 class _SceneTables(_Shared):
     loads: _LoadTables
+    dimension: int = 2
     mesh: _MeshTable = field(default_factory=_MeshTable)
     materials: Mapping[str, Material] = field(default_factory=dict)
     plane: _PlaneTable = field(default_factory=_PlaneTable)

@@ -68,17 +68,15 @@ class Sides(Checked):
             if self.group not in (None, block.group) or self.block not in (None, block.name):
                 continue
             for piece in block.pieces:
-                for loop, normal in zip(piece.sides, piece.normals, strict=True):
-                    corners = piece.corners[list(loop)]
-                    if self._chosen(corners, normal, near):
-                        yield number, corners
-
-    def _chosen(self, corners: Array, normal: Array, near: float) -> bool:
-        """Whether a side lies where and looks as it should."""
-        wished = normal if self.normal is None else np.array(self.normal)
-        point = corners[0] if self.point is None else np.array(self.point)
-        along = normal @ wished >= SAME_DIRECTION * np.linalg.norm(wished)
-        return bool(along and abs((point - corners[0]) @ normal) <= near)
+                chosen = np.ones(len(piece.sides), dtype=bool)
+                if self.normal is not None:
+                    wished = np.array(self.normal) / np.linalg.norm(self.normal)
+                    chosen &= piece.normals @ wished >= SAME_DIRECTION
+                if self.point is not None:
+                    height = piece.normals @ np.array(self.point) - piece.planes.level
+                    chosen &= np.abs(height) <= near
+                for side in np.flatnonzero(chosen):
+                    yield number, piece.corners[list(piece.sides[side])]
 
 
 @dataclass(frozen=True)
@@ -313,9 +311,12 @@ class Masses:
             np.concatenate([one.mass for one in every]),
         )
 
-    def forces(self, acceleration: Array, factors: Array | float = 1.0) -> Array:
-        """Forces of inertia or weight, N, shape (masses, 3)."""
-        return np.outer(self.mass * factors, acceleration)
+    def loads(
+        self, blocks: Sequence[Block], acceleration: Array, factors: Array | float = 1.0
+    ) -> Array:
+        """Forces of weight or inertia on the blocks, and their moments, shape (blocks, 6)."""
+        force = np.outer(self.mass * factors, acceleration)
+        return summed(blocks, self.block, self.position, force)
 
 
 def _tetrahedra(block: Block) -> Iterator[Array]:
@@ -388,21 +389,14 @@ def numbered(
         require(len(numbers) < 2, f"{key}: {len(numbers)} blocks are called '{name}'; give at")
         return numbers[0]
     place = np.array(at)
-    numbers = [k for k, block in enumerate(blocks) if _holds(block, place, near)]
+    numbers = [
+        number
+        for number, block in enumerate(blocks)
+        if any(np.all(one.normals @ place - one.planes.level <= near) for one in block.pieces)
+    ]
     text = "(" + ", ".join(f"{value:g}" for value in place) + ")"
     if len(numbers) > 1:
         names = listed(blocks[k].name or str(k) for k in numbers)
         raise InputError(f"{key}: {text} is on a joint, of the blocks {names}; move it")
     require(bool(numbers), f"{key}: there is no block at {text}")
     return numbers[0]
-
-
-def _holds(block: Block, place: Array, near: float) -> bool:
-    """Whether a place, m, is in a block, or as near to it as that."""
-    return any(
-        all(
-            (place - piece.corners[side[0]]) @ normal <= near
-            for side, normal in zip(piece.sides, piece.normals, strict=True)
-        )
-        for piece in block.pieces
-    )

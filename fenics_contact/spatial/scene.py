@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError, checked, raised_together, require
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -31,7 +33,7 @@ from fenics_contact.scene.rules import (
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
 from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
 from fenics_contact.scene.units import Units
-from fenics_contact.spatial.contacts import Contact, contacts_of
+from fenics_contact.spatial.contacts import Contact, checked_contacts
 from fenics_contact.spatial.loads import (
     DIRECTION,
     GRAVITY,
@@ -42,7 +44,6 @@ from fenics_contact.spatial.loads import (
     Sides,
     Tie,
     Vector,
-    summed,
     surface_loads,
 )
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
@@ -50,6 +51,8 @@ from fenics_contact.spatial.structure import ContactLaw, Structure
 
 #: Depth of the ground below a foundation, in parts of a typical block's size.
 DEPTH = 0.1
+#: Shapes of blocks, and how many corners they have: 0 for any number.
+CORNERS = {"box": 2, "hexahedron": 8, "vertices": 0}
 #: Name of the ground where none is given.
 GROUND = "ground"
 #: Its lower side, in parts of its upper one: pieces of ground touch what is above them alone.
@@ -140,6 +143,7 @@ class _Shared:
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
     seismic: Seismic | None = None
+    tolerance: float | None = ruled(POSITIVE, None)
     title: str = ""
 
 
@@ -162,6 +166,8 @@ class Scene(Checked, _Shared):
         solve: How to look for the limit load.
         output: What to write.
         seismic: What the seismic check of the mechanism needs.
+        tolerance: Sides touch that are as near as this, m, and blocks may overlap by it; None: a
+            part of their thickness.
         title: Of pictures and result.
     """
 
@@ -246,38 +252,66 @@ class Scene(Checked, _Shared):
             InputError: If laws or loads do not fit the blocks.
         """
         size = float(np.median([b.volume for b in self.blocks if not b.fixed])) ** (1.0 / 3.0)
-        near = NEAR * size
-        blocks = (*self.blocks, *self._ground(size))
-        contacts, laws = self._contacts(blocks)
+        near = max(NEAR * size, self.tolerance or 0.0)
+        blocks = (*self.blocks, *self._ground(DEPTH * size, near))
+        touching, warnings = checked_contacts(blocks, self.tolerance)
+        laws = self._contact_laws(touching, blocks)
+        acting = [k for k, law in enumerate(laws) if law is not None]
+        require(bool(acting), "blocks: no two of them touch, so that nothing holds them")
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
-        lying = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
-        dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
-        live = surface_loads("loads.live", self.live, blocks, self.sides, near)
-        for floor in lying.values():
-            weight = floor.forces(np.array([0.0, 0.0, -GRAVITY]))
-            dead += summed(blocks, floor.block, floor.position, weight)
-        weight = masses.forces(self.dead.acceleration)
-        dead += summed(blocks, masses.block, masses.position, weight)
-        every = masses.with_(*(lying[n] for n, floor in self.floors.items() if floor.mass))
+        floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
+        pushed = masses.with_(*(floors[n] for n, floor in self.floors.items() if floor.mass))
         foot = min(blocks[k].extent[0][2] for k in moving)
-        factors = self.live.factors(every.position[:, 2] - foot, every.mass)
-        push = every.forces(self.live.acceleration, factors)
-        live += summed(blocks, every.block, every.position, push)
-        bars = tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items())
-        young = max(material.young for material in self.materials.values())
+        factors = self.live.factors(pushed.position[:, 2] - foot, pushed.mass)
+        dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
+        dead += masses.loads(blocks, self.dead.acceleration)
+        for floor in floors.values():
+            dead += floor.loads(blocks, np.array([0.0, 0.0, -GRAVITY]))
+        live = surface_loads("loads.live", self.live, blocks, self.sides, near)
+        live += pushed.loads(blocks, self.live.acceleration, factors)
         return Structure(
             blocks,
-            contacts,
-            laws,
+            tuple(touching[k] for k in acting),
+            tuple(law for law in laws if law is not None),
             dead,
             live,
             self.solve.quick,
-            bars,
+            tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
-            young,
-            every,
+            max(material.young for material in self.materials.values()),
+            pushed,
+            warnings,
         )
+
+    def material(self, block: Block) -> Material:
+        """Material of a block.
+
+        Raises:
+            InputError: If it has none.
+        """
+        named = [name for name in (block.group, "default") if name in self.materials]
+        cure = " or ".join(f"[materials.{name}]" for name in {block.group: 0, "default": 0})
+        require(bool(named), f"block '{block.name}' has no material; give {cure}")
+        return self.materials[named[0]]
+
+    def _ground(self, depth: float, near: float) -> Iterator[Block]:
+        """Fixed blocks below the sides of the others that lie on rigid ground."""
+        given: Mapping[str, Any] = self.foundations
+        if not given and not any(block.fixed for block in self.blocks):
+            given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
+        lowest = min(block.extent[0][2] for block in self.blocks)
+        moving = [block for block in self.blocks if not block.fixed]
+        for name, law in given.items():
+            plane = law.plane or Plane((0.0, 0.0, lowest if law.z is None else law.z))
+            down = -np.array(plane.normal) / np.linalg.norm(plane.normal)
+            sides = Sides(normal=(down[0], down[1], down[2]), point=plane.point)
+            tops = [corners for _, corners in sides.of(moving, near)]
+            text = f"foundations.{name}: no block has a side on the ground; see its z or plane"
+            require(bool(tops), text)
+            lows = [t.mean(axis=0) * (1 - NARROWER) + t * NARROWER + depth * down for t in tops]
+            bodies = [Polyhedron.hull(np.vstack(pair)) for pair in zip(tops, lows, strict=True)]
+            yield Block(tuple(bodies), name, f"foundations.{name}", fixed=True)
 
     def _moved(self, blocks: Sequence[Block]) -> Array | None:
         """Motions of the ground, m and rad, shape (blocks, 6)."""
@@ -289,155 +323,87 @@ class Scene(Checked, _Shared):
             moved[fixed[name]] = movement.motion
         return moved if self.dead.movement else None
 
-    def material(self, block: Block) -> Material:
-        """Material of a block."""
-        material = self.materials.get(block.group) or self.materials.get("default")
-        if material is None:
-            cure = f"give [materials.{block.group}] or [materials.default]"
-            raise InputError(
-                f"block '{block.name}' of group '{block.group}' has no material; {cure}"
-            )
-        return material
-
-    def _ground(self, size: float) -> Iterator[Block]:
-        """Fixed blocks below the sides of the others that lie on rigid ground."""
-        given: Mapping[str, Any] = self.foundations
-        if not given and not any(block.fixed for block in self.blocks):
-            given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
-        lowest = min(block.extent[0][2] for block in self.blocks)
-        moving = [block for block in self.blocks if not block.fixed]
-        for name, law in given.items():
-            plane = law.plane or Plane((0.0, 0.0, lowest if law.z is None else law.z))
-            down = -np.array(plane.normal) / np.linalg.norm(plane.normal)
-            below = Sides(normal=(down[0], down[1], down[2]), point=plane.point).of(
-                moving, NEAR * size
-            )
-            pieces = tuple(_below(corners, DEPTH * size * down) for _, corners in below)
-            text = f"foundations.{name}: no block has a side on the ground; see its z or plane"
-            require(bool(pieces), text)
-            yield Block(pieces, name, f"foundations.{name}", fixed=True)
-
-    def _contacts(
-        self, blocks: Sequence[Block]
-    ) -> tuple[tuple[Contact, ...], tuple[ContactLaw, ...]]:
-        """Contacts of blocks, without those that are off, and their laws."""
+    def _contact_laws(
+        self, contacts: Sequence[Contact], blocks: Sequence[Block]
+    ) -> list[ContactLaw | None]:
+        """Laws of contacts; None for those that are off."""
         pairs = self._pairs()
-        kept = []
-        laws = []
-        for contact in contacts_of(blocks):
-            first = blocks[contact.first]
-            second = blocks[contact.second]
-            key, law = self._law(pairs, first, second)
-            if law.acts:
-                strengths = [law.compressive_strength]
-                if law.compressive_strength is None:
-                    here = [block for block in (first, second) if not block.fixed]
-                    strengths = [self.material(block).compressive_strength for block in here]
-                known = [strength for strength in strengths if strength is not None]
-                kept.append(contact)
-                laws.append(
-                    ContactLaw(
-                        law.friction or 0.0,
-                        law.cohesion + (law.bound or 0.0),
-                        law.dilation,
-                        law.tensile_strength,
-                        min(known, default=np.inf),
-                        key,
-                    )
-                )
-        return tuple(kept), tuple(laws)
+        every = self.laws()
+        laws: list[ContactLaw | None] = []
+        for contact in contacts:
+            ends = blocks[contact.first], blocks[contact.second]
+            ground = [end.group for end in ends if end.group in every]
+            names = [(end.name, end.group) for end in ends]
+            both = [frozenset(pair) for pair in product(*names)]
+            joints = [pairs[pair] for pair in both if pair in pairs]
+            key = [*ground, *joints, "joints.default"][0]
+            text = f"blocks '{ends[0].name}' and '{ends[1].name}' touch and have no law"
+            require(key in every, f"{text}; give [joints.default]")
+            strengths = [
+                every[key].compressive_strength or self.material(end).compressive_strength
+                for end in ends
+                if not end.fixed
+            ]
+            known = min((one for one in strengths if one is not None), default=np.inf)
+            laws.append(ContactLaw.of(key, every[key], known) if every[key].acts else None)
+        return laws
 
     def _pairs(self) -> dict[frozenset[str], str]:
-        """Names of joint laws by the two groups or blocks whose contacts have them."""
+        """Keys of joint laws by the two groups or blocks whose contacts have them."""
         groups = {block.group for block in self.blocks}
         known = groups | {block.name for block in self.blocks}
         pairs: dict[frozenset[str], str] = {}
         for name, law in self.joints.items():
+            key = f"joints.{name}"
+            ends = frozenset(map(str, law.between or (name,)))
             if name == "default":
-                require(law.between is None, "joints.default takes no between; give another name")
+                require(law.between is None, f"{key} takes no between; give it another name")
                 continue
-            text = f"joints.{name}: there is no group '{name}'; give between, or one of"
-            require(law.between is not None or name in groups, f"{text} {listed(sorted(groups))}")
-            between = law.between or (name, name)
-            for end in between:
-                text = f"joints.{name}.between: there is no group or block '{end}'; groups are"
-                require(end in known, f"{text} {listed(sorted(groups))}")
-            pair = frozenset(map(str, between))
-            text = f"joints.{name} and joints.{pairs.get(pair)} are of the same contacts; give one"
-            require(pair not in pairs, text)
-            pairs[pair] = name
+            for end in ends - known:
+                text = f"{key}: there is no group or block '{end}' for its contacts; give between,"
+                raise InputError(f"{text} of {listed(sorted(groups))}, or names of blocks")
+            require(ends not in pairs, f"{key} and {pairs.get(ends)} are of the same contacts")
+            pairs[ends] = key
         return pairs
-
-    def _law(
-        self, pairs: Mapping[frozenset[str], str], first: Block, second: Block
-    ) -> tuple[str, JointLaw]:
-        """Key and law of the contact of two blocks."""
-        for block in (first, second):
-            table, _, name = block.group.partition(".")
-            if table == "foundations" and name in self.foundations:
-                return block.group, self.foundations[name]
-        for a, b in (
-            (first.name, second.name),
-            (first.name, second.group),
-            (first.group, second.name),
-            (first.group, second.group),
-        ):
-            name = pairs.get(frozenset((a, b)), "")
-            if name:
-                return f"joints.{name}", self.joints[name]
-        text = f"blocks '{first.name}' and '{second.name}' touch and have no law"
-        require("default" in self.joints, f"{text}; give [joints.default]")
-        return "joints.default", self.joints["default"]
-
-
-def _below(corners: Array, down: Array) -> Polyhedron:
-    """Ground below a polygon, whose corners are counterclockwise seen from below."""
-    count = len(corners)
-    middle = corners.mean(axis=0)
-    low = middle + NARROWER * (corners - middle) + down
-    following = [(k + 1) % count for k in range(count)]
-    sides = [tuple(range(count))[::-1], tuple(range(count, 2 * count))]
-    sides += [(k, n, count + n, count + k) for k, n in enumerate(following)]
-    return Polyhedron(np.vstack([corners, low]), tuple(sides))
 
 
 # ---- what a scene file holds, table by table
+
+
+def _require_places(name: str, value: Sequence[Vector]) -> None:
+    """Refuse coordinates that are not finite."""
+    for place in value:
+        require_vector(name, place)
 
 
 @dataclass(frozen=True)
 class _Shape(Checked):
     """A convex body, in one of three ways; corners in m."""
 
-    box: tuple[Vector, ...] | None = None
-    hexahedron: tuple[Vector, ...] | None = None
-    vertices: tuple[Vector, ...] | None = None
+    box: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
+    hexahedron: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
+    vertices: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
     faces: tuple[tuple[int, ...], ...] | None = None
 
-    def polyhedron(self) -> Polyhedron:
+    def polyhedron(self, key: str) -> Polyhedron:
         """The body.
 
         Raises:
-            InputError: If it is none.
+            InputError: If it is given in none of the ways, or in more than one.
         """
-        if self.box is not None:
-            require(len(self.box) == 2, f"box has {len(self.box)} corners; give the two farthest")
-            low, high = np.array(self.box)
-            require(
-                bool(np.all(low < high)),
-                "box: the second corner must be above the first in x, y, z",
-            )
-            return Polyhedron.box(low, high)
-        if self.hexahedron is not None:
-            count = len(self.hexahedron)
-            require(count == 8, f"hexahedron has {count} corners; give 8")
-            return Polyhedron.hexahedron(np.array(self.hexahedron))
-        corners = np.array(self.vertices)
-        require(self.faces is not None, "give box, hexahedron, or vertices with faces, or pieces")
-        outside = sorted({k for loop in self.faces or () for k in loop} - set(range(len(corners))))
-        require(
-            not outside, f"faces: there is no corner {outside[:1]} of {len(corners)}; count from 0"
-        )
-        return Polyhedron(corners, self.faces or ())
+        kinds = [kind for kind in CORNERS if getattr(self, kind) is not None]
+        require(len(kinds) == 1, f"{key}: give one of {', '.join(CORNERS)}, pieces")
+        kind = kinds[0]
+        points = np.array(getattr(self, kind), dtype=float)
+        wished = CORNERS[kind] or len(points)
+        text = f"{key}: {kind} has {counted(len(points), 'corner')}; give {wished}"
+        require(len(points) == wished, text)
+        require(kind == "vertices" or self.faces is None, f"{key}: faces go with vertices")
+        if kind == "box":
+            return Polyhedron.box(points.min(axis=0), points.max(axis=0))
+        if kind == "hexahedron":
+            return Polyhedron.hexahedron(points)
+        return Polyhedron.hull(points) if self.faces is None else Polyhedron(points, self.faces)
 
 
 @dataclass(frozen=True)
@@ -449,13 +415,19 @@ class _Block(_Shape):
     fixed: bool = False
 
     def block(self, name: str) -> Block:
-        """The block.
+        """The block, of its pieces or its own shape.
 
         Raises:
-            InputError: If its shape is none.
+            InputError: If it is none.
         """
-        shapes = self.pieces if self.pieces is not None else (self,)
-        return Block(tuple(shape.polyhedron() for shape in shapes), name, self.group, self.fixed)
+        key = f"blocks.{name}"
+        own = [kind for kind in (*CORNERS, "faces") if getattr(self, kind) is not None]
+        text = f"{key}: give either pieces or {', '.join(own)}"
+        require(self.pieces is None or not own, text)
+        pieces = self.pieces or ()
+        bodies = [piece.polyhedron(f"{key}.pieces[{k}]") for k, piece in enumerate(pieces)]
+        bodies += [self.polyhedron(key)] if self.pieces is None else []
+        return Block(tuple(bodies), name, self.group, self.fixed)
 
 
 @dataclass(frozen=True)
@@ -490,15 +462,8 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]
     require(bool(table), "blocks is missing; give file, builder, or [blocks.NAME]")
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
-    blocks = []
-    for name, item in table.items():
-        key = f"blocks.{name}"
-        one = from_table(_Block, item, key)
-        try:
-            blocks.append(one.block(name))
-        except InputError as error:
-            raise InputError(f"{key}: {error}") from None
-    return tuple(blocks)
+    shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
+    return tuple(shape.block(name) for name, shape in shapes.items())
 
 
 def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
@@ -508,8 +473,8 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
         _Changes, {k: given.pop(k) for k in ("fixed", "groups") if k in given}, "blocks"
     )
     if "file" in given:
-        readers = import_module("fenics_contact.spatial.readers")
         refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
+        readers = import_module("fenics_contact.spatial.readers")
         blocks = readers.blocks_from_file(folder / given["file"], given.get("unit"))
     else:
         blocks = _built(str(given.pop("builder")), given)

@@ -10,6 +10,7 @@ import numpy as np
 
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene.scene import JointLaw
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.loads import GROUND, Bar, Masses
 from fenics_contact.spatial.points import points_of
@@ -38,6 +39,18 @@ class ContactLaw:
     tensile_strength: float = 0.0
     compressive_strength: float = np.inf
     key: str = ""
+
+    @classmethod
+    def of(cls, key: str, law: JointLaw, compressive_strength: float) -> ContactLaw:
+        """That of a joint."""
+        return cls(
+            law.friction or 0.0,
+            law.cohesion + (law.bound or 0.0),
+            law.dilation,
+            law.tensile_strength,
+            compressive_strength,
+            key,
+        )
 
 
 @dataclass(frozen=True)
