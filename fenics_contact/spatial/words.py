@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +49,20 @@ def mechanism_in_words(view: SpatialView) -> str:
     large = [part for part in parts if part.area > SMALL * parts[0].area]
     told = parts_in_words(large, total, {}, len(parts) - len(large))
     return "; ".join(filter(None, (told, _cracks(view))))
+
+
+def mechanism_record(view: SpatialView) -> dict[str, Any]:
+    """What result.json has of a collapse: in words, parts, and what contacts do."""
+    states = view.contacts.state
+    return {
+        "words": mechanism_in_words(view),
+        "parts": [vars(part) for part in moving_parts(view)],
+        "moving": np.flatnonzero(view.share > AS_ONE).tolist(),
+        "contacts": {
+            "states": {kind.name.lower(): int(np.sum(states == kind)) for kind in ContactState},
+            "pressure": float(view.contacts.pressure.max()),
+        },
+    }
 
 
 def moving_parts(view: SpatialView) -> list[Part]:
@@ -188,7 +203,7 @@ def _motion(view: SpatialView, those: Indices, slides: bool) -> str:
         return f"turns about the foot of the structure to {_compass(over)}{twists}"
     if abs(axis[2] - box[1, 2]) < near:
         return f"swings about its top to {_compass(-over)}{twists}"
-    about = f" about z = {axis[2]:.3g} m" if abs(axis[2] - middle) < 0.5 * tall else ""
+    about = f" about an axis at z = {axis[2]:.3g} m" if abs(axis[2] - middle) < 0.5 * tall else ""
     return f"turns to {_compass(over)}{about}{twists}"
 
 

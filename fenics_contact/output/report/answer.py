@@ -97,7 +97,7 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(content.labels.line(made), kind="labels")
     yield paragraph(record["answer"]["question"], kind="question")
-    yield paragraph(*map(_sentence, record["answer"]["found"]), kind=f"status {status}")
+    yield paragraph(*map(sentence, record["answer"]["found"]), kind=f"status {status}")
     # How much the answer is worth, where it is none, or differs between the directions.
     words = {name: direction_words(name).capitalize() for name in ends}
     told = [f"{words[name]}: {STATUS_OF_ONE[end['status']]}" for name, end in ends.items()]
@@ -106,21 +106,22 @@ def first_page(content: Content) -> Iterator[str]:
     elif status != "limit":
         yield paragraph(f"{status.replace('_', ' ').capitalize()}: {STATUS[status]}")
     how = list(_collapses(record))
-    decides = [_sentence(line) for line in record["answer"]["more"]] + [UNCRACKED]
+    decides = [sentence(line) for line in record["answer"]["more"]] + [UNCRACKED]
     rows = list(_assumptions(record, content.units))
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
-    beside = size["height"] > TALL * size["width"]
+    beside = size["height"] > TALL * size["width"] and not in_space(record)  # with three views
     height = PICTURE.beside if beside else PICTURE.above(rows, [*how, *decides])
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
         negative = direction == "negative" and len(ends) == 2
         caption = PICTURES["collapse_negative" if negative else "collapse"]
+        number = "" if in_space(record) else ", by number"
         if status == "unstable":
-            caption = "Blocks that move under the dead load, by number."
+            caption = f"Blocks that move under the dead load{number}."
         elif ends[direction]["status"] == "unbounded":
-            caption = "Blocks that wedge, by number."
+            caption = f"Blocks that wedge{number}."
         yield picture(address, caption)
     yield f"<div>{heading('What decides', 2)}{bullets(decides)}"
     yield f"{heading('Assumptions', 2)}{table(rows)}</div></div>"
@@ -128,18 +129,22 @@ def first_page(content: Content) -> Iterator[str]:
 
 def _collapses(record: Record) -> Iterator[str]:
     """What the blocks do in the collapse of each direction, in a sentence."""
-    told = wording(record)
     before = ""
     for direction, end in record["ends"].items():
         if end["mechanism"] and (words := end["mechanism"]["words"]):
-            way = _sentence(told.way(direction)).removesuffix(".")
-            way = f"{way}: " if len(record["ends"]) > 1 else ""
+            way = record["ways"][direction] if in_space(record) else wording(record).way(direction)
+            way = f"{sentence(way)[:-1]}: " if len(record["ends"]) > 1 else ""
             mirrored = re.sub("left|right", lambda side: SIDES[side[0]], words)
-            yield _sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
+            yield sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
             before = words
 
 
-def _sentence(words: str) -> str:
+def in_space(record: Record) -> bool:
+    """Whether a result is of blocks in space."""
+    return bool(record.get("dimension") == 3)
+
+
+def sentence(words: str) -> str:
     """Words as a sentence."""
     return f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}"
 
@@ -154,26 +159,30 @@ def wording(record: Record) -> Wording:
 def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     """What the answer rests on, in kN, MPa, and m or mm."""
     scene = record["scene"]
-    width = units.length(scene["size"]["width"], 4)
-    height = units.length(scene["size"]["height"], 4)
-    thickness = scene.get("thickness")
-    yield "blocks", f"{record['mesh']['bodies']}, together {width} wide and {height} high"
-    if thickness:
+    width, height, *deep = (
+        units.length(scene["size"][name], 4)
+        for name in ("width", "height", "depth")
+        if name in scene["size"]
+    )
+    size = f"{width} wide, {deep[0]} deep and" if deep else f"{width} wide and"
+    yield "blocks", f"{record['mesh']['bodies']}, together {size} {height} high"
+    if thickness := scene.get("thickness"):
         yield "thickness", f"{units.length(thickness)}; forces are those of all of it"
-    else:
+    elif not deep:
         yield "thickness", "not given; forces are per metre of thickness"
     yield "dead load", units.forces(scene["resultants"]["dead"], 4)
     live = units.forces(scene["resultants"]["live"], 4)
-    same = wording(record).acceleration
+    same = record["acceleration"] if in_space(record) else wording(record).acceleration
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
-    down = math.hypot(*scene["loads"]["dead"]["body"])
+    dead = scene["loads"]["dead"]
+    down = GRAVITY if dead.get("direction") else math.hypot(*dead["body"])
     kinds: dict[str, Callable[[Record], str]] = {
-        "material": lambda one: _material(one, down, units),
-        "joint": lambda one: _law(one, units),
-        "foundation": lambda one: _law(one, units),
+        "material": lambda one: material_text(one, down, units),
+        "joint": lambda one: law_text(one, units),
+        "foundation": lambda one: law_text(one, units),
         "floor": lambda one: floor_text(one, units),
-        "tie": lambda one: _tie(one, units),
+        "tie": lambda one: tie_text(one, units),
     }
     for noun, told in kinds.items():
         alike: dict[str, list[str]] = {}
@@ -190,14 +199,13 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"
 
 
-def _material(one: Record, gravity: float, units: Units) -> str:
+def material_text(one: Record, gravity: float, units: Units) -> str:
     """Density and weight, stiffness, strength."""
     weight = f" ({units.text(one['density'] * gravity, 'N/m3', 4)})" if gravity else ""
-    parts = [
-        f"{one['density']:g} kg/m3{weight}",
-        f"Young's modulus {units.stress(one['young'])}",
-        f"Poisson's ratio {one['poisson']:g}",
-    ]
+    parts = [f"{one['density']:g} kg/m3{weight}"]
+    if "poisson" in one:  # blocks that deform
+        parts.append(f"Young's modulus {units.stress(one['young'])}")
+        parts.append(f"Poisson's ratio {one['poisson']:g}")
     if one.get("compressive_strength"):
         parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
     return ", ".join(parts)
@@ -206,6 +214,9 @@ def _material(one: Record, gravity: float, units: Units) -> str:
 def floor_text(one: Record, units: Units) -> str:
     """Weight of a floor, where it lies, and whether the live load takes it along."""
     weight = units.text(one["force"], "N/m2")
+    mass = f"{'with' if one['mass'] else 'without'} its mass"
+    if "z" in one:
+        return f"{weight} at z = {units.length(one['z'])}, {mass}"
     if units.thickness:
         weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
     where = f"on {one.get('at')}"
@@ -213,10 +224,10 @@ def floor_text(one: Record, units: Units) -> str:
         start, end = one["x"]
         where = f"at y = {units.length(one['y'])}, x from {units.length(start)} to"
         where += f" {units.length(end)}"
-    return f"{weight} {where}, {'with' if one['mass'] else 'without'} its mass"
+    return f"{weight} {where}, {mass}"
 
 
-def _tie(one: Record, units: Units) -> str:
+def tie_text(one: Record, units: Units) -> str:
     """Tension at which a tie yields, prestress and spacing."""
     unit = "N" if one.get("spacing") else f"N {PER_METRE}"
 
@@ -232,7 +243,7 @@ def _tie(one: Record, units: Units) -> str:
     return ", ".join(parts)
 
 
-def _law(one: Record, units: Units) -> str:
+def law_text(one: Record, units: Units) -> str:
     """Friction and strengths of joints."""
     if one.get("glued") or one.get("off"):
         return "glued: the blocks on both sides are one" if one["glued"] else "off: carries nothing"

@@ -22,6 +22,8 @@ from fenics_contact.scene.units import Units
 
 #: The file of a result that the page is made from, and that with outlines and motions of blocks.
 RECORD, MOTION = "result.json", "motion.json"
+#: The page that turns blocks in space.
+VIEWER = "viewer.html"
 #: Pictures that a page can hold, by ending; the first that exists.
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Files of a sweep, and what its folder has behind the name of the result's.
@@ -87,6 +89,7 @@ class Content:
         record: Content of result.json.
         pictures: Data URIs by stem of the file.
         motions: Content of motion.json: outlines and motions of blocks by direction.
+        viewer: The page that turns and moves blocks in space; empty if there is none.
         sweep: A sweep beside the result.
         labels: Project and author.
         missing: Pictures that could not be drawn from what is there, and why; empty if none.
@@ -98,13 +101,15 @@ class Content:
     sweep: Sweep | None = None
     labels: Labels = field(default_factory=Labels)
     missing: str = ""
+    viewer: str = ""
 
     @property
     def units(self) -> Units:
         """Units of the report: kN, MPa, and m or mm."""
         scene = self.record["scene"]
         wished = scene.get("output", {}).get("units", "m")
-        return Units("mm" if wished == "mm" else "m", scene.get("thickness"))
+        thickness = 1.0 if self.record.get("dimension") == 3 else scene.get("thickness")
+        return Units("mm" if wished == "mm" else "m", thickness)
 
     def details(self, direction: str) -> Record:
         """Where result.json has the verification of one end."""
@@ -156,7 +161,11 @@ def read_content(folder: Path, labels: Labels) -> Content:
             motions = json.loads((folder / MOTION).read_text(encoding="utf-8"))
     beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
     sweep = read_sweep(folder) or read_sweep(beside)
-    return Content(record, pictures, motions, sweep, labels, missing)
+    viewer = ""
+    if VIEWER in files:
+        with suppress(OSError, ValueError):
+            viewer = (folder / VIEWER).read_text(encoding="utf-8")
+    return Content(record, pictures, motions, sweep, labels, missing, viewer)
 
 
 def _pictures(folder: Path, files: Collection[str]) -> dict[str, str]:

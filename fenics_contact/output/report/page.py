@@ -15,7 +15,13 @@ from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
-from fenics_contact.output.report.answer import first_page, floor_text, how_it_fails, wording
+from fenics_contact.output.report.answer import (
+    first_page,
+    floor_text,
+    how_it_fails,
+    in_space,
+    wording,
+)
 from fenics_contact.output.report.content import (
     RECORD,
     Content,
@@ -48,6 +54,14 @@ from fenics_contact.output.report.html import (
     table,
     text,
     value_text,
+)
+from fenics_contact.output.report.spatial import (
+    OF_BLOCKS,
+    bounds,
+    contacts,
+    limits_of_the_model,
+    options_and_times,
+    turning,
 )
 from fenics_contact.results.bounds import FROM_RIGID, counted, equal
 from fenics_contact.scene.units import PER_METRE, Units
@@ -161,7 +175,7 @@ def pdf_of(writer: Any, page: str) -> bytes:
 def report_page(content: Content) -> str:
     """The page on a result, as HTML."""
     parts: list[str] = []
-    for section, kind in SECTIONS.items():
+    for section, kind in (IN_SPACE if in_space(content.record) else SECTIONS).items():
         parts.append(f'<section class="{kind}">' if kind else "<section>")
         parts += [*section(content), "</section>"]
     return _page(content.record["title"] or "Limit load", [*parts, f"<script>{SCRIPT}</script>"])
@@ -408,6 +422,7 @@ def notes(content: Content) -> Iterator[str]:
 def verification(content: Content) -> Iterator[str]:
     """Every condition of a collapse state: what it means, by how much it is missed."""
     yield heading("Appendix: verification")
+    meanings = {**RESIDUALS, **(OF_BLOCKS if in_space(content.record) else {})}
     yield paragraph(
         "All conditions are computed again from the problem. How the state was found plays no part."
         " A residual is what a condition is missed by, relative to a typical force, displacement"
@@ -425,7 +440,7 @@ def verification(content: Content) -> Iterator[str]:
             good = value is not None and value <= allowed[name]
             # One below zero has room left.
             amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
-            label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
+            label, meaning = meanings.get(name, (name.replace("_", " "), ""))
             rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
         head = ("condition", "what it means", "residual", "allowed", "passed")
         yield table(rows, head, f"State with the {direction_words(direction)}")
@@ -491,4 +506,16 @@ SECTIONS: Mapping[Section, str] = {
     structure: "break appendix columns",
     verification: "appendix",
     computation: "break appendix columns",
+}
+#: The same for blocks in space.
+IN_SPACE: Mapping[Section, str] = {
+    first_page: "first",
+    turning: "again",
+    bounds: "break",
+    warnings: "",
+    limits_of_the_model: "",
+    sensitivity: "",
+    contacts: "appendix",
+    verification: "appendix",
+    options_and_times: "appendix columns",
 }
