@@ -145,7 +145,7 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
         text = f"has faces of {area:.4g} m2 for a surface of {hull.area:.4g} m2"
         cure = "draw those that are missing" if area < hull.area else "delete those drawn twice"
         require(abs(area - hull.area) < AREA * hull.area, f"{where} {text}; {cure}")
-        return [_convex(points, size)]
+        return [_convex(points, size, loops)]
     uses = Counter(edge for loop in loops for edge in edges_of(loop)).most_common()
     cure = "close its surface, or give every block a layer, object or file of its own"
     for edge, count in (uses[-1], uses[0]):
@@ -177,9 +177,11 @@ def _hull(points: Array, size: float) -> Any:
     return hull
 
 
-def _convex(points: Array, size: float) -> Polyhedron:
+def _convex(points: Array, size: float, loops: Sequence[Loop] = ()) -> Polyhedron:
     """The body around points; its corners are those that lie on three of its sides at least."""
-    body = Polyhedron.hull(points)
+    body = Polyhedron(points, tuple(loops))
+    if body.problem:  # it has no sides yet, or some end within others
+        body = Polyhedron.hull(points)
     if body.problem:
         return body
     corner = (np.abs(body.planes.height) <= FLAT * size).sum(axis=1) > 2
