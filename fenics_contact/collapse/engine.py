@@ -43,7 +43,8 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     if options.engine == "path" or options.method != "auto":
         return find_collapse(case, strategy, options.tolerance)
     many = case.block_count >= SEARCH.large_wall
-    search = begun_search(case) if many and not options.fast else None
+    wanted = many and not options.fast and options.lowest is not False
+    search = begun_search(case) if wanted else None
     in_place = isinstance(case.beside, InPlace)
     found = face_collapse(case, search) if search is not None and in_place else None
     limited = found is not None and found.status == "limit"

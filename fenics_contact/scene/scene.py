@@ -454,6 +454,7 @@ class SolveOptions(Checked):
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, by the face engine; None: yes, but
             not in sweeps, nor from 1 000 blocks on.
+        range: Look for the range of load factors of the mechanism; None: yes, but not in sweeps.
         error: Look for the load factor with shorter hinges than those of the mesh: True, with up to
             3 times the work of the limit load, False, or None: with at most half of that work.
         accuracy: Relative change from one mesh to the next down to which the mesh is refined; None:
@@ -481,6 +482,7 @@ class SolveOptions(Checked):
     slip: str = one_of("stress-free", "load-steps")
     states: str = one_of("first", "lowest")
     lowest: bool | None = None
+    range: bool | None = None
     error: bool | None = None
     accuracy: float | None = ruled(within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
     peak: bool | None = None
@@ -498,7 +500,7 @@ class SolveOptions(Checked):
         for given, text in (
             *((self.fast and getattr(self, name),
                f"{name} = true needs fast = false: fast leaves it out")
-              for name in ("peak", "lowest", "error")),
+              for name in ("peak", "lowest", "range", "error")),
             (self.fast and self.states == "lowest", "states = 'lowest' needs fast = false"),
             (self.relaxation is not None and self.method not in BY_FIXED_POINT,
              f"relaxation needs method = {' or '.join(map(repr, BY_FIXED_POINT))}"),

@@ -28,7 +28,6 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
-from fenics_contact.results.result import Answer
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, read_toml, value_of
 from fenics_contact.workers import InPlace, Ranks
@@ -307,8 +306,8 @@ def solve(scene: Scene, structure: Structure) -> LimitLoad:
     """
     start = time.perf_counter()
     # A table of load factors has a column for hinges, and no room for more.
-    kinds = (kind for kind in Answer.kinds.values() if kind.option and kind.name != "hinges")
-    more = {kind.seconds: bool(getattr(scene.solve, kind.seconds)) for kind in kinds}
+    left_out = ("lowest", "peak", "range")
+    more = {name: bool(getattr(scene.solve, name)) for name in left_out}
     scene = replace(scene, solve=replace(scene.solve, **more))
     if scene.solve.accuracy is None:
         result = limit_load_of(structure.of(scene))
