@@ -20,6 +20,7 @@ from fenics_contact.output.plotting import (
     BLACK,
     BLUE,
     DPI,
+    GREEN,
     ORANGE,
     TINTS,
     VERMILLION,
@@ -99,6 +100,7 @@ def _entries(view: SpatialView) -> list[Any]:
         for state, (colour, label) in MARKS.items()
         if np.any(view.contacts.state == state)
     }
+    told |= {GREEN: "tie"} if view.ties else {}
     told |= {BLACK: "live load"} if view.push.any() else {}
     return [Line2D([], [], color=c, lw=2.0, label=label) for c, label in told.items()]
 
@@ -159,6 +161,8 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     low, high = (f(_shown(view) @ turn[:2].T, axis=0) for f in (np.min, np.max))
     margin = MARGIN * view.size
     axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    for ends in view.ties:
+        axes.plot(*(ends @ turn[:2].T).T, color=GREEN, lw=1.6, ls="--", marker="s", ms=3.0)
     start, end = view.push @ turn[:2].T
     if np.linalg.norm(end - start) > 0.2 * np.linalg.norm(view.push[1] - view.push[0]):
         axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "lw": 2.0, "color": BLACK})
@@ -252,7 +256,6 @@ def drawing_order(hides: Array, depth: Array) -> Indices:
 def _marks(view: SpatialView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     """Edges of contacts on the sides that are seen, displaced, with their colours, by side."""
     bodies = view.bodies
-    blocks = view.structure.blocks
     seen: dict[int, list[int]] = {}
     for side in np.flatnonzero(bodies.normal @ turn[2] > 1e-6):
         seen.setdefault(int(bodies.side_block[side]), []).append(int(side))
@@ -261,9 +264,7 @@ def _marks(view: SpatialView, turn: Array) -> dict[int, list[tuple[Array, str]]]
         contact = view.structure.contacts[number]
         for block in (contact.first, contact.second) if state in MARKS else ():
             corners = contact.corners
-            arm = corners - blocks[block].centroid
-            moved = corners + view.motion[block, :3] + np.cross(view.motion[block, 3:], arm)
-            flat = moved @ turn[:2].T
+            flat = view.displaced(corners, block) @ turn[:2].T
             for side in seen.get(block, ()):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]
                 on = np.abs(away) < ON_SIDE * view.size

@@ -14,6 +14,7 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import AMPLITUDE
 from fenics_contact.results.parts import AS_ONE
 from fenics_contact.results.wording import four
+from fenics_contact.spatial.loads import GROUND
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
 from fenics_contact.spatial.structure import Structure
 
@@ -86,6 +87,24 @@ class SpatialView:
     def displacement(self) -> Array:
         """That of all corners, m, shape (corners, 3)."""
         return self.bodies.displacement(self.motion)
+
+    def displaced(self, points: Array, block: int) -> Array:
+        """Points that move with a block, or with the ground, shape (points, 3)."""
+        if block == GROUND:
+            return points
+        arm = points - self.structure.blocks[block].centroid
+        velocity, turn = np.split(self.motion[block], 2)
+        return np.asarray(points + velocity + np.cross(turn, arm))
+
+    @property
+    def ties(self) -> list[Array]:
+        """Ends of ties, displaced, m, shape (2, 3) each."""
+        return [
+            np.vstack(
+                [self.displaced(p[None], b) for p, b in zip(bar.tie.ends, bar.blocks, strict=True)]
+            )
+            for bar in self.structure.bars
+        ]
 
     @cached_property
     def share(self) -> Array:

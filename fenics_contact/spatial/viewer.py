@@ -75,6 +75,9 @@ def _data(view: SpatialView, views: dict[str, SpatialView]) -> dict[str, Any]:
         ],
         "shapes": list(shapes),
         "pieces": pieces,
+        "ties": [
+            (*bar.blocks, [rounded(end) for end in bar.tie.ends]) for bar in view.structure.bars
+        ],
         "views": [
             {
                 "name": direction_words(name),

@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import zlib
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,6 +18,7 @@ from fenics_contact.scene.scene import JointLaw
 from fenics_contact.spatial import Load, Material, Scene, builders
 from fenics_contact.spatial.contacts import contacts_of
 from fenics_contact.spatial.limit import collapse_of
+from fenics_contact.spatial.loads import Bar, Tie
 from fenics_contact.spatial.picture import draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
@@ -210,6 +212,19 @@ def test_viewer_is_small_and_holds_any_name():
     )
     assert page.count("</script>") == 2
     assert len(page) < 300_000
+
+
+def test_ties_are_drawn(tipping, tmp_path):
+    tie = Tie(from_=(0.0, 0.0, 1.5), ground=(2.0, 0.0, 0.0), yield_=1.0)
+    structure = replace(tipping.structure, bars=(Bar(tie, (2, -1)),))
+    result = SpatialLimit(None, structure, dict(tipping.directions))
+    (ends,) = SpatialView.of(structure, tipping.collapse).ties
+    assert ends[0] == pytest.approx([0.24 / 5**0.5, 0.0, 1.5 + 0.08 / 5**0.5])
+    assert ends[1] == pytest.approx([2.0, 0.0, 0.0])
+    draw_collapse(result, tmp_path, ("svg",))
+    assert "<!-- tie -->" in (tmp_path / "collapse.svg").read_text()
+    data = json.loads(re.search(r'application/json">(.*)</script>', viewer_page(result)).group(1))
+    assert data["ties"] == [[2, -1, [[0.0, 0.0, 1.5], [2.0, 0.0, 0.0]]]]
 
 
 # ---- words

@@ -38,7 +38,7 @@ def turning(content: Content) -> Iterator[str]:
     """The page that turns and moves the blocks, inside of this one; not in print."""
     if content.viewer:
         yield heading("How it fails")
-        frame = 'style="width: 100%; height: 36em; border: 1px solid #999" title="Blocks in space"'
+        frame = 'title="Blocks in space" style="width: 100%; height: 36em; border: 0"'
         yield f'<iframe {frame} srcdoc="{escape(content.viewer)}"></iframe>'
 
 
