@@ -25,8 +25,6 @@ NARROW = 1e-3
 NEARLY = 0.1
 #: Cosine of the largest angle between sides that face each other.
 FACING = np.cos(np.radians(2.0))
-#: Edges are parallel whose product is smaller than this part of the largest.
-PARALLEL = 1e-3
 
 #: What is wrong with two blocks (or one), by a measure in m; the last ones are warned of.
 REFUSED = {
@@ -125,8 +123,8 @@ def _survey(
                 contacts.append(Contact(first, second, axes, corners))
             found[kind].append((measure, first, second))
     for number, piece in zip(owner.tolist(), pieces, strict=True):
-        if piece.planes.warp > APART * piece.planes.thickness:
-            found["warped"].append((piece.planes.warp, number, number))
+        if piece.warp > APART * piece.thickness:
+            found["warped"].append((piece.warp, number, number))
     pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
     label = connected(pairs.reshape(-1, 2), len(blocks))
     for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
@@ -139,17 +137,16 @@ def _near_pieces(pieces: Sequence[Polyhedron], tolerance: float | None) -> Indic
     """Sorted pairs of bodies whose boxes are as near as sides that are told of."""
     low = np.array([piece.corners.min(axis=0) for piece in pieces])
     high = np.array([piece.corners.max(axis=0) for piece in pieces])
-    thickness = np.array([piece.planes.thickness for piece in pieces])
+    thickness = np.array([piece.thickness for piece in pieces])
     reach = np.maximum(NEARLY * thickness, tolerance or 0.0)
     radius = 0.5 * np.linalg.norm(high - low, axis=1) + reach
     every = np.arange(len(pieces))
     portions = near_pairs(0.5 * (low + high), radius, every, every)
     pairs = np.concatenate([np.stack(portion, axis=1) for portion in portions])
-    one, two = pairs[pairs[:, 0] < pairs[:, 1]].T
+    one, two = pairs.T
     apart = np.maximum(low[one] - high[two], low[two] - high[one]).max(axis=1)
-    close = apart <= np.minimum(reach[one], reach[two])
-    order = np.lexsort((two[close], one[close]))
-    return np.stack([one[close], two[close]], axis=1)[order]
+    close = (one < two) & (apart <= np.minimum(reach[one], reach[two]))
+    return np.unique(pairs[close], axis=0)
 
 
 def _meetings(
@@ -161,17 +158,17 @@ def _meetings(
         "overlap", "gap", "sliver" or "contact"; depth, distance or width, m; axes and corners of
         the common polygon, halfway between the sides.
     """
-    thinner = min(one.planes.thickness, two.planes.thickness)
+    thinner = min(one.thickness, two.thickness)
     near = APART * thinner if tolerance is None else tolerance
-    near += one.planes.warp + two.planes.warp
+    near += one.warp + two.warp
     nearly = max(NEARLY * thinner, near)
-    beyond_one = (two.corners @ one.normals.T).min(axis=0) - one.planes.level
-    beyond_two = (one.corners @ two.normals.T).min(axis=0) - two.planes.level
+    beyond_one = (two.corners @ one.normals.T).min(axis=0) - one.levels
+    beyond_two = (one.corners @ two.normals.T).min(axis=0) - two.levels
     apart = max(beyond_one.max(), beyond_two.max())
     if apart > nearly:
         return
     if apart < -near:
-        depth = min(-apart, _depth_along_edges(one, two))
+        depth = _depth(one, two)
         shift = np.linalg.norm(one.centroid - two.centroid)
         alike = shift < near and abs(one.volume - two.volume) < APART * one.volume
         if depth > near:
@@ -180,7 +177,7 @@ def _meetings(
     separates = (beyond_one >= -near)[:, None] | (beyond_two >= -near)
     for side, opposite in np.argwhere(separates & (one.normals @ two.normals.T < -FACING)):
         normals = np.array([one.normals[side], two.normals[opposite]])
-        levels = np.array([one.planes.level[side], two.planes.level[opposite]])
+        levels = np.array([one.levels[side], two.levels[opposite]])
         loop = one.corners[list(one.sides[side])]
         other = two.corners[list(two.sides[opposite])][::-1]
         axes = frame(normals[0] - normals[1], loop[1] - loop[0])
@@ -199,18 +196,15 @@ def _meetings(
             yield "gap", float(distance.max()), axes, corners
 
 
-def _depth_along_edges(one: Polyhedron, two: Polyhedron) -> float:
-    """Least depth, m, by which bodies overlap along normals of an edge of each."""
-    normals = np.cross(one.planes.edge[:, None], two.planes.edge).reshape(-1, 3)
-    length = np.linalg.norm(normals, axis=1)
-    normals = normals[length > PARALLEL * length.max()]
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    first = one.corners @ normals.T
-    second = two.corners @ normals.T
-    depth = np.minimum(
-        first.max(axis=0) - second.min(axis=0), second.max(axis=0) - first.min(axis=0)
-    )
-    return float(depth.min(initial=np.inf))
+def _depth(one: Polyhedron, two: Polyhedron) -> float:
+    """Depth, m, by which bodies overlap; below 0 if they are apart.
+
+    The distance from the origin to the outside of all differences of their points.
+    """
+    from scipy.spatial import ConvexHull
+
+    differences = (one.corners[:, None] - two.corners).reshape(-1, 3)
+    return -float(ConvexHull(differences).equations[:, 3].max())
 
 
 def frame(normal: Array, along: Array) -> Array:

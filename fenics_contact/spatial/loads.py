@@ -73,7 +73,7 @@ class Sides(Checked):
                     wished = np.array(self.normal) / np.linalg.norm(self.normal)
                     chosen &= piece.normals @ wished >= SAME_DIRECTION
                 if self.point is not None:
-                    height = piece.normals @ np.array(self.point) - piece.planes.level
+                    height = piece.normals @ np.array(self.point) - piece.levels
                     chosen &= np.abs(height) <= near
                 for side in np.flatnonzero(chosen):
                     yield number, piece.corners[list(piece.sides[side])]
@@ -392,7 +392,7 @@ def numbered(
     numbers = [
         number
         for number, block in enumerate(blocks)
-        if any(np.all(one.normals @ place - one.planes.level <= near) for one in block.pieces)
+        if any(np.all(one.normals @ place - one.levels <= near) for one in block.pieces)
     ]
     text = "(" + ", ".join(f"{value:g}" for value in place) + ")"
     if len(numbers) > 1:

@@ -20,7 +20,7 @@ WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
     """Points, m, shape (points, 3), and their areas, m2.
 
-    Areas are positive, sum to that of the contact, and have its centroid.
+    Areas are positive, sum to that of the contact, and have its centroid (but for `quick`).
 
     A quadrilateral has 4 x 4 Lobatto points. Any other polygon has a ring of points on its outline,
     corners and middles of edges (Simpson's rule), and one halfway to the centroid (Radau's rule):
@@ -28,8 +28,10 @@ def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
 
     Args:
         contact: Where two blocks touch.
-        quick: Take the corners alone; torsion is not limited then.
+        quick: Take the corners alone, alike; torsion is not limited then.
     """
+    if quick:
+        return contact.corners, np.full(len(contact.corners), contact.area / len(contact.corners))
     flat = contact.in_plane
     following = np.roll(flat, -1, axis=0)
     centre = polygon_centroid(flat)
@@ -37,8 +39,6 @@ def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
     b = (following - centre).T
     triangles = 0.5 * (a[0] * b[1] - a[1] * b[0])  # on the edges, with the centroid
     at_corners = 0.5 * (triangles + np.roll(triangles, 1))
-    if quick:
-        return contact.corners, at_corners
     if len(flat) == 4:
         places, areas = _quadrilateral(flat)
     else:

@@ -19,7 +19,7 @@ import numpy as np
 from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import SIZES, connected
-from fenics_contact.spatial.polyhedra import Block, Planes, Polyhedron
+from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron
 
 #: Points of a surface that are nearer to each other than this are one, in parts of its width.
 WELD = 1e-6
@@ -141,7 +141,7 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
     require(hull is not None, f"{where} has no volume; draw its whole surface, or delete it")
     on = np.abs(hull.equations[:, :3] @ points.T + hull.equations[:, 3:]) <= FLAT * size
     if all(on[:, loop].all(axis=1).any() for loop in loops):
-        area = Planes(points, loops).area.sum()
+        area = PlaneSides(points, loops).areas.sum()
         text = f"has faces of {area:.4g} m2 for a surface of {hull.area:.4g} m2"
         cure = "draw those that are missing" if area < hull.area else "delete those drawn twice"
         require(abs(area - hull.area) < AREA * hull.area, f"{where} {text}; {cure}")
@@ -152,8 +152,8 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
         x, y, z = points[list(edge)].mean(axis=0)
         text = f"has an edge of {count} faces instead of two, at ({x:g}, {y:g}, {z:g}); {cure}"
         require(count == 2, f"{where} {text}")
-    planes = Planes(points, loops)
-    bent = np.abs(planes.height[planes.corner, planes.side]).max() / size
+    planes = PlaneSides(points, loops)
+    bent = np.abs(planes.heights[planes.at_sides]).max() / size
     body = Polyhedron(points, tuple(loops)) if bent > WELD else None
     if body is not None and body.problem and bent < BENT:
         body = _between(planes, hull, size)
@@ -184,11 +184,11 @@ def _convex(points: Array, size: float, loops: Sequence[Loop] = ()) -> Polyhedro
         body = Polyhedron.hull(points)
     if body.problem:
         return body
-    corner = (np.abs(body.planes.height) <= FLAT * size).sum(axis=1) > 2
+    corner = (np.abs(body.heights) <= FLAT * size).sum(axis=1) > 2
     return body if corner.all() else Polyhedron.hull(body.corners[corner])
 
 
-def _between(planes: Planes, hull: Any, size: float) -> Polyhedron | None:
+def _between(planes: PlaneSides, hull: Any, size: float) -> Polyhedron | None:
     """The body between the mean planes of bent sides; None if its corners are others.
 
     Blocks that share the corners of a bent side share its mean plane, too.
@@ -196,7 +196,7 @@ def _between(planes: Planes, hull: Any, size: float) -> Polyhedron | None:
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     inside = hull.corners[hull.vertices].mean(axis=0)
-    halfspaces = np.column_stack([planes.normal, -planes.level])
+    halfspaces = np.column_stack([planes.normals, -planes.levels])
     try:
         corners = HalfspaceIntersection(halfspaces, inside).intersections
     except (QhullError, ValueError):
