@@ -138,7 +138,7 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     for side in np.flatnonzero(normal[:, 2] > 1e-6):
         sides[bodies.side_piece[side]].append(int(side))
     thin = 0.5 if len(view.structure.blocks) < 200 else 0.3
-    hides, depth = _hidden(view, place, normal)
+    hides, depth = _hidden(view, place, turn)
     fixed = np.array([block.fixed for block in view.structure.blocks])[bodies.of_piece]
     veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: its edges alone are drawn
     for piece in drawing_order(hides, depth):
@@ -190,13 +190,13 @@ def block_colours(view: SpatialView) -> Array:
     return colours
 
 
-def _hidden(view: SpatialView, place: Array, normal: Array) -> tuple[Array, Array]:
+def _hidden(view: SpatialView, place: Array, turn: Array) -> tuple[Array, Array]:
     """Whether the second of two bodies hides the first, (bodies, bodies), and their depths.
 
     Args:
         view: What is shown.
         place: Corners in the axes of the view, shape (corners, 3).
-        normal: Of the sides, likewise.
+        turn: These axes, shape (3, 3).
     """
     bodies = view.bodies
     first = np.flatnonzero(np.diff(bodies.piece, prepend=-1))
@@ -209,15 +209,18 @@ def _hidden(view: SpatialView, place: Array, normal: Array) -> tuple[Array, Arra
     # Of every side and every other body: how far the body's nearest corner lies beyond the side.
     best = np.full((count, count), -np.inf)  # separation of (body of a side, other body)
     faces = np.zeros((count, count))  # whether the eye is beyond that side: +1, -1, or 0 for along
-    for side, loop in enumerate(bodies.sides):
-        beyond = np.minimum.reduceat((place - place[loop[0]]) @ normal[side], first)
-        body = bodies.side_piece[side]
-        towards = 0.0 if abs(normal[side, 2]) < 1e-3 else np.sign(normal[side, 2])
+    corner = np.array([loop[0] for loop in bodies.sides])
+    ways, way = np.unique(np.round(bodies.normal, 9), axis=0, return_inverse=True)
+    for number, direction in enumerate(ways @ turn.T):
+        sides = np.flatnonzero(way.ravel() == number)  # one of a body at most
+        along = place @ direction
+        beyond = np.minimum.reduceat(along, first) - along[corner[sides], None]
+        towards = 0.0 if abs(direction[2]) < 1e-3 else float(np.sign(direction[2]))
         # A plane along the line of sight that parts them says that neither hides the other.
         score = np.where((towards == 0.0) & (beyond > -near), np.inf, beyond)
-        better = score > best[body]
-        best[body][better] = score[better]
-        faces[body][better] = towards
+        body = bodies.side_piece[sides]
+        faces[body] = np.where(score > best[body], towards, faces[body])
+        best[body] = np.maximum(score, best[body])
     swapped = best.T > best
     order = np.where(swapped, -faces.T, faces)  # +1: the second hides the first
     hides = overlap & (order > 0.0)
