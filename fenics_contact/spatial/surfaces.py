@@ -30,6 +30,8 @@ BENT = 0.1
 #: Area of faces that may be missing or too much, and volume of a body that has none, relative.
 AREA = 1e-4
 VOLUME = 1e-8
+#: Parts of an edge, at its ends, that may be on other sides.
+BARELY = 1e-6
 #: Convex pieces of a body.
 MOST_PIECES = 200
 #: Direction of a ray that meets no edge of what people draw.
@@ -145,7 +147,7 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
         text = f"has faces of {area:.4g} m2 for a surface of {hull.area:.4g} m2"
         cure = "draw those that are missing" if area < hull.area else "delete those drawn twice"
         require(abs(area - hull.area) < AREA * hull.area, f"{where} {text}; {cure}")
-        return [_convex(points, size, loops)]
+        return [_convex(points, loops)]
     uses = Counter(edge for loop in loops for edge in edges_of(loop)).most_common()
     cure = "close its surface, or give every block a layer, object or file of its own"
     for edge, count in (uses[-1], uses[0]):
@@ -177,15 +179,17 @@ def _hull(points: Array, size: float) -> Any:
     return hull
 
 
-def _convex(points: Array, size: float, loops: Sequence[Loop] = ()) -> Polyhedron:
-    """The body around points; its corners are those that lie on three of its sides at least."""
+def _convex(points: Array, loops: Sequence[Loop] = ()) -> Polyhedron:
+    """The body around points; its corners are those of three of its sides at least."""
     body = Polyhedron(points, tuple(loops))
     if body.problem:  # it has no sides yet, or some end within others
         body = Polyhedron.hull(points)
     if body.problem:
         return body
-    corner = (np.abs(body.heights) <= FLAT * size).sum(axis=1) > 2
-    return body if corner.all() else Polyhedron.hull(body.corners[corner])
+    corner = np.bincount(np.concatenate(body.sides)) > 2
+    simpler = body if corner.all() else Polyhedron.hull(body.corners[corner])
+    same = not simpler.problem and abs(simpler.volume - body.volume) < AREA * body.volume
+    return simpler if same else body
 
 
 def _between(planes: PlaneSides, hull: Any, size: float) -> Polyhedron | None:
@@ -205,7 +209,7 @@ def _between(planes: PlaneSides, hull: Any, size: float) -> Polyhedron | None:
     for one, other in ((hull, found), (found, hull)):
         if found is None or _beyond(one.corners, other) > BENT * size:
             return None
-    return _convex(found.corners, size)
+    return _convex(found.corners)
 
 
 def _beyond(points: Array, hull: Any) -> float:
@@ -216,17 +220,14 @@ def _beyond(points: Array, hull: Any) -> float:
 def _cut(points: Array, loops: list[Loop], hull: Any, where: str, size: float) -> list[Polyhedron]:
     """Convex pieces of a body that is not convex."""
     fans = [[(x[0], x[k], x[k + 1]) for k in range(1, len(x) - 1)] for x in loops]
-    numbers = np.array([corner for fan in fans for corner in fan])
-    triangles = points[numbers]
+    triangles = points[np.array([corner for fan in fans for corner in fan])]
     face = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
     for start, end in {edge for loop in loops for edge in edges_of(loop)}:
         along, inner = _crossings(points[start], points[end] - points[start], triangles)
-        apart = ~np.isin(numbers, (start, end)).any(axis=1)
-        hits = np.bincount(face, inner & apart & (along > 0.0) & (along < 1.0))
-        text = (
-            "has a surface that cuts itself, or bent sides beside a hollow; draw it with plane ones"
-        )
-        require(not np.any(hits % 2 > 0.5), f"{where} {text}")
+        hits = np.bincount(face, inner & (along > BARELY) & (along < 1.0 - BARELY))
+        apart = np.array([start not in loop and end not in loop for loop in loops])
+        text = "has a surface that cuts itself, or bent sides at a hollow; give them as triangles"
+        require(not np.any(apart & (hits % 2 > 0.5)), f"{where} {text}")
     flat = FLAT * size
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.linalg.norm(normals, axis=1)
@@ -248,7 +249,7 @@ def _cut(points: Array, loops: list[Loop], hull: Any, where: str, size: float) -
             along, inner = _crossings(middle, RAY, triangles)
             thick = cell.volume > 10.0 * flat * cell.area
             if thick and np.sum(inner & (along > 0.0)) % 2:
-                pieces.append(_convex(corners, size))
+                pieces.append(_convex(corners))
         else:
             first = np.argmax(cuts)
             halves = (
@@ -286,4 +287,6 @@ def _crossings(start: Array, along: Array, triangles: Array) -> tuple[Array, Any
         turned = np.cross(arm, one)
         v = turned @ along / factor
         place = np.sum(two * turned, axis=1) / factor
-        return place, (u > 0.0) & (v > 0.0) & (u + v < 1.0) & np.isfinite(place)
+        inner = (u > 0.0) & (v > 0.0) & (u + v < 1.0)
+    sizes = np.linalg.norm(one, axis=1) * np.linalg.norm(across, axis=1)
+    return place, inner & (np.abs(factor) > 1e-9 * sizes)

@@ -12,6 +12,7 @@ import ezdxf
 import numpy as np
 import pytest
 from ezdxf.render import MeshBuilder
+from scipy.spatial import ConvexHull
 
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
@@ -376,7 +377,7 @@ def test_bent_sides_are_made_plane_alike_on_both_blocks(tmp_path):
 def prism(plan, height=1.0):
     """Faces of a prism on a polygon."""
     low, high = (np.column_stack([plan, np.full(len(plan), z)]) for z in (0.0, height))
-    sides = [[low[k - 1], low[k], high[k], high[k - 1]] for k in range(len(plan))]
+    sides = [np.array([low[k - 1], low[k], high[k], high[k - 1]]) for k in range(len(plan))]
     return [low[::-1], high, *sides]
 
 
@@ -395,6 +396,32 @@ def test_blocks_that_are_not_convex_are_cut(plan, pieces, tmp_path):
     (block,) = blocks_from_file(write_faces(tmp_path / "stone.obj", prism(plan)))
     assert block.volume == pytest.approx(area, rel=1e-9)
     assert len(block.pieces) == pieces
+
+
+def test_random_bodies_keep_their_volume(tmp_path):
+    """Hulls of random points, and prisms on random stars, in any place and position."""
+    dice = np.random.default_rng(7)
+    for _ in range(15):
+        turn = np.linalg.qr(dice.normal(size=(3, 3)))[0]
+        place = 10.0 * dice.normal(size=3)
+        hull = ConvexHull(dice.normal(size=(dice.integers(4, 30), 3)) * dice.uniform(0.2, 3.0, 3))
+        count = dice.integers(4, 12)
+        angles = 2.0 * np.pi * (np.arange(count) + dice.uniform(-0.3, 0.3, count)) / count
+        x, y = dice.uniform(0.4, 2.0, count) * [np.cos(angles), np.sin(angles)]
+        area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+        faces = [face @ turn.T + place for face in prism(np.column_stack([x, y]))]
+        triangles = [
+            [face[k - 1], face[k], face.mean(axis=0) if len(face) == 4 else turn[:, 2] * z + place]
+            for face, z in zip(faces, [0, 1] + [0] * count, strict=True)
+            for k in range(len(face))
+        ]
+        for found, volume in (
+            (hull.points[hull.simplices] @ turn.T + place, hull.volume),
+            (faces, area),
+            (triangles, area),
+        ):
+            (block,) = blocks_from_file(write_faces(tmp_path / "stone.obj", found))
+            assert block.volume == pytest.approx(volume, rel=2e-5)
 
 
 def test_a_block_with_a_hole_through_it(tmp_path):
