@@ -24,7 +24,7 @@ from fenics_contact.spatial.view import ContactState, SpatialView
 
 #: Words for places along z, y and x: the front is where y is least.
 PLACES = {2: ("lower", "middle", "upper"), 1: ("front", "", "back"), 0: ("left", "", "right")}
-#: Names of walls that are adjectives.
+#: Names that are adjectives: of the left wall, the western vault.
 SIDES = {"left", "right", "front", "back", "north", "south", "east", "west"}
 #: A part is called by a name that so much of its volume has; a name that more of all has says
 #: nothing.
@@ -151,7 +151,8 @@ def _names(view: SpatialView) -> list[str]:
         for name in set(called):
             mine = np.array([other == name for other in called])
             if mine.sum() > 1 and volume[mine].sum() < CALLED * volume.sum():
-                names[mine] = f"{name} wall" if name in SIDES else name
+                kind = blocks[np.argmax(mine)].group.removesuffix("s")
+                names[mine] = f"{name} {kind}" if name in SIDES else name.replace("_", " ")
     return names.tolist()
 
 
