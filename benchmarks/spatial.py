@@ -32,7 +32,6 @@ from fenics_contact.errors import Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import motion_under
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial import builders
 from fenics_contact.spatial.limit import NEAR
@@ -400,14 +399,17 @@ def measure(kind: str, name: str, scene: Pushed, law: str, share: float, most: f
 
 
 def no_limit(model: FaceModel) -> str:
-    """Why there is no limit: "unstable", "unbounded" or "".
+    """Why there is no limit, by Clarabel within Coulomb's cones: "unstable", "unbounded" or "".
 
-    The dead load has no equilibrium within Coulomb's cones; or the live load has one without it.
+    The dead load has no equilibrium, not the least part of it; or any multiple of the live load
+    has one.
     """
-    if motion_under(model, 0.0) is not None:
+    alone = replace(model, live=model.dead, dead=np.zeros_like(model.dead))
+    carried, said = cone_limit(alone, model.strength, model.friction)
+    if said == "Solved" and carried < 1e-6:
         return "unstable"
-    alone = replace(model, dead=np.zeros_like(model.dead))
-    return "" if motion_under(alone, 1.0) is not None else "unbounded"
+    _, said = cone_limit(model, model.strength, model.friction)
+    return "unbounded" if said == "DualInfeasible" else ""
 
 
 def recomputed(model: FaceModel, state: FaceState) -> str:

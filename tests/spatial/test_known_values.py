@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
+from fenics_contact.faces.programs import associative_end, state_under
 from fenics_contact.spatial import builders
 from fenics_contact.spatial.limit import collapse_of
 from tests.bank import WALLS
@@ -56,3 +58,21 @@ def test_planar_walls_with_a_thickness(wall, lowest, highest):
     make = partial(builders.extruded, courses=WALLS[wall], thickness=0.2, brick=(0.4, 0.175))
     factor, error = limit_of(Pushed(make, 0.65, towards(0.0)))
     assert lowest - error <= factor <= highest + error
+
+
+def test_thickness_of_a_hemisphere():
+    """0.042 of the radius (J. Heyman, Int. J. Solids Struct. 3 (1967) 227), without sliding.
+
+    This dome of plane stones is proved to fall at 0.042, and stands at 0.043.
+    """
+    models = {}
+    for thickness in (0.042, 0.043):
+        make = partial(
+            builders.dome, radius=1.0, thickness=thickness, meridians=12, rings=16, oculus=0.02
+        )
+        model = Pushed(make, 3.0).structure(quick=True).face_model()
+        models[thickness] = replace(model, dead=np.zeros_like(model.dead), live=model.dead)
+    largest = associative_end(models[0.042])  # part of the weight that it carries
+    assert largest is not None and largest < 1e-6
+    standing = state_under(models[0.043], 1.0)
+    assert standing is not None and standing.missing < 1e-9
