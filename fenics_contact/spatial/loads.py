@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -294,7 +293,7 @@ class Masses:
         rule_of_four = np.full((4, 4), FAR) + (CLOSE - FAR) * np.eye(4)
         number, position, mass = [], [], []
         for block, heavy in density.items():
-            corners = np.array(list(_tetrahedra(blocks[block])))
+            corners = _tetrahedra(blocks[block])
             edges = corners[:, 1:] - corners[:, :1]
             points = np.einsum("pk,tkd->tpd", rule_of_four, corners).reshape(-1, 3)
             position.append(points)
@@ -319,13 +318,19 @@ class Masses:
         return summed(blocks, self.block, self.position, force)
 
 
-def _tetrahedra(block: Block) -> Iterator[Array]:
-    """Tetrahedra of a block's pieces, corners of shape (4, 3), each on an inner point."""
+def _tetrahedra(block: Block) -> Array:
+    """Tetrahedra of a block's pieces, on the edges of sides, shape (tetrahedra, 4, 3).
+
+    Those on the edges at a side's first corner, which is one of their own, have no volume.
+    """
+    corners = []
     for piece in block.pieces:
-        inside = piece.corners.mean(axis=0)
-        for side in piece.sides:
-            for second, third in pairwise(side[1:]):
-                yield np.vstack([inside, piece.corners[[side[0], second, third]]])
+        planes = piece.planes
+        first = planes.points[planes.corner[planes.start]][planes.side]
+        start = planes.points[planes.corner]
+        inside = np.broadcast_to(piece.centroid, start.shape)
+        corners.append(np.stack([inside, first, start, start + planes.edge], axis=1))
+    return np.concatenate(corners)
 
 
 def summed(blocks: Sequence[Block], number: Indices, place: Array, force: Array) -> Array:
