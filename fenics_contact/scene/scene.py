@@ -654,7 +654,7 @@ class Scene(_Shared):
         bare = self.live.profile != "uniform" and not any(self.live.body)
         require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
         if self.seismic is not None:
-            self._check_seismic()
+            check_inertia_forces(self.dead, self.live)
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("stress", self.stress)
@@ -865,29 +865,36 @@ class Scene(_Shared):
         """Angle of a tilting table at a load factor, degrees; None where the load is another."""
         return math.degrees(math.atan(load_factor)) if self.live.on_table else None
 
-    def _check_seismic(self) -> None:
-        """Refuse live loads that are no inertia forces in proportion to the weights."""
-        live = self.live
-        x, y = self.dead.acceleration
-        require(any(self.dead.body), "seismic needs weights; give loads.dead.body")
-        require(any(live.body), "seismic needs inertia forces; give loads.live.body")
-        for refused, key in (
-            (live.profile != "uniform", "profile"),
-            (bool(live.earth), "earth"),
-            (live.form is not None, "form"),
-        ):
-            text = f"seismic: loads.live.{key} is not in proportion to the weights; leave it out"
-            require(not refused, text)
-        push = live.acceleration
-        forces = {"body": push, **{f"traction.{name}": one for name, one in live.traction.items()}}
-        forces |= {f"force.{name}": one.force for name, one in live.force.items()}
-        for name, force in forces.items():
-            size = math.hypot(*force)
-            level = abs(force[0] * x + force[1] * y) <= ROUNDING * size * math.hypot(x, y)
-            text = f"seismic: loads.live.{name} must be horizontal, across loads.dead.body"
-            require(level, text)
-            against = force[0] * push[0] + force[1] * push[1] < 0.0
-            require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
+
+def check_inertia_forces(dead: Any, live: Any) -> None:
+    """Refuse live loads that are no inertia forces in proportion to the weights.
+
+    Args:
+        dead: The dead load of a scene, in the plane or in space.
+        live: Its live load.
+
+    Raises:
+        InputError: The message names the key.
+    """
+    weight = [float(part) for part in dead.acceleration]
+    push = [float(part) for part in live.acceleration]
+    require(any(weight), "seismic needs weights; give loads.dead.body")
+    require(any(push), "seismic needs inertia forces; give loads.live.body")
+    for refused, key in (
+        (live.profile != "uniform", "profile"),
+        (bool(getattr(live, "earth", None)), "earth"),
+        (getattr(live, "form", None) is not None, "form"),
+    ):
+        text = f"seismic: loads.live.{key} is not in proportion to the weights; leave it out"
+        require(not refused, text)
+    forces = {"body": push, **{f"traction.{name}": one for name, one in live.traction.items()}}
+    forces |= {f"force.{name}": one.force for name, one in live.force.items()}
+    for name, force in forces.items():
+        least = ROUNDING * math.hypot(*force) * math.hypot(*weight)
+        text = f"seismic: loads.live.{name} must be horizontal, across loads.dead.body"
+        require(abs(sum(f * w for f, w in zip(force, weight, strict=True))) <= least, text)
+        against = sum(f * p for f, p in zip(force, push, strict=True)) < 0.0
+        require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
 
 
 def _as_tables(item: Any) -> Any:

@@ -30,7 +30,7 @@ from fenics_contact.scene.rules import (
     rule,
     ruled,
 )
-from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
+from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
 from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.contacts import Contact, checked_contacts
@@ -197,6 +197,8 @@ class Scene(Checked, _Shared):
         require(self.dead.profile == "uniform", text)
         bare = self.live.profile != "uniform" and not any(self.live.acceleration)
         require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+        if self.seismic is not None:
+            check_inertia_forces(self.dead, self.live)
         require(self.output.capacity == 0, "output.capacity: there is no curve in space; leave it")
 
     def laws(self) -> dict[str, JointLaw]:
@@ -280,7 +282,6 @@ class Scene(Checked, _Shared):
             tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            pushed,
             warnings,
         )
 

@@ -12,7 +12,7 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.scene.scene import JointLaw
 from fenics_contact.spatial.contacts import Contact
-from fenics_contact.spatial.loads import GROUND, Bar, Masses
+from fenics_contact.spatial.loads import GROUND, Bar
 from fenics_contact.spatial.points import points_of
 from fenics_contact.spatial.polyhedra import Block
 
@@ -86,7 +86,6 @@ class Structure:
         moved: Motions of the ground with the dead load, m and rad about centroids, shape (blocks,
             6).
         young: Young's modulus of joints, Pa.
-        masses: On which the live body force acts.
         warnings: Of its geometry.
     """
 
@@ -99,7 +98,6 @@ class Structure:
     bars: tuple[Bar, ...] = ()
     moved: Array | None = None
     young: float = 1.0
-    masses: Masses | None = None
     warnings: tuple[str, ...] = ()
 
     @cached_property

@@ -22,6 +22,7 @@ from fenics_contact.spatial import (
     Plane,
     Polyhedron,
     Scene,
+    Seismic,
     Sides,
     Tie,
 )
@@ -159,6 +160,23 @@ WEST = {"west": Sides(normal=(-1.0, 0.0, 0.0))}
 )  # fmt: skip
 def test_a_block_on_the_ground_by_hand(scene, limit):
     assert collapse_of(scene.structure()).load_factor == pytest.approx(limit, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("live", "key"),
+    [
+        (Load(), "loads.live.body"),
+        (Load((10, 0, 1)), "loads.live.body must be horizontal"),
+        (Load((10, 0, 0), profile="triangular"), "loads.live.profile"),
+        (
+            Load((10, 0, 0), force={"a": Force((-1, 0, 0), block="block")}),
+            "loads.live.force.a acts",
+        ),
+    ],
+)
+def test_a_seismic_check_needs_level_inertia_forces(live, key):
+    with pytest.raises(InputError, match=key):
+        block_scene(live=live, seismic=Seismic())
 
 
 def test_a_floor_goes_to_what_is_below_by_area():
