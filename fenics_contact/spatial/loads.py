@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -319,17 +320,13 @@ class Masses:
 
 
 def _tetrahedra(block: Block) -> Array:
-    """Tetrahedra of a block's pieces, on the edges of sides, shape (tetrahedra, 4, 3).
-
-    Those on the edges at a side's first corner, which is one of their own, have no volume.
-    """
+    """Tetrahedra of a block's pieces, each on an inner point, shape (tetrahedra, 4, 3)."""
     corners = []
     for piece in block.pieces:
-        planes = piece.planes
-        first = planes.points[planes.corner[planes.start]][planes.side]
-        start = planes.points[planes.corner]
-        inside = np.broadcast_to(piece.centroid, start.shape)
-        corners.append(np.stack([inside, first, start, start + planes.edge], axis=1))
+        triangles = [(side[0], *pair) for side in piece.sides for pair in pairwise(side[1:])]
+        outer = piece.corners[np.array(triangles)]
+        inner = np.broadcast_to(piece.centroid, (len(outer), 1, 3))
+        corners.append(np.concatenate([inner, outer], axis=1))
     return np.concatenate(corners)
 
 
