@@ -70,6 +70,33 @@ class SeismicCheck:
         verdict = "enough" if ratio >= 1.0 else "NOT enough"
         return f"{value}, {ratio:.3g} times the {self.demand:.4g} m/s2 asked for: {verdict}"
 
+    @classmethod
+    def of(
+        cls,
+        multiplier: float,
+        gravity: float,
+        options: Seismic,
+        parts: int,
+        mass: Array,
+        displacement: Array,
+    ) -> Self:
+        """The check of parts with some masses and displacements of their centres, see above."""
+        moving_mass = float(mass.sum())
+        participating = float(mass @ displacement) ** 2 / float(mass @ displacement**2)
+        fraction = participating / moving_mass
+        activation = multiplier * gravity / (fraction * options.confidence_factor)
+        return cls(
+            multiplier,
+            parts,
+            moving_mass,
+            participating,
+            fraction,
+            options.confidence_factor,
+            activation,
+            activation / gravity,
+            options.demand,
+        )
+
 
 class SeismicAnswer(Asked):
     """The check of every limit, a `SeismicCheck`, where the scene asks for it."""
@@ -155,21 +182,11 @@ def seismic_check(
     work = np.bincount(part, np.sum(push * motion, axis=1)[moving])
     force = np.bincount(part, np.hypot(push[:, 0], push[:, 1])[moving])
     pushed = force > 0.0
-    mass = force[pushed] / acceleration
-    displacement = work[pushed] / force[pushed]
-    first = float(mass @ displacement)
-    participating = first**2 / float(mass @ displacement**2)
-    moving_mass = float(mass.sum())
-    fraction = participating / moving_mass
-    activation = abs(load_factor) * acceleration / (fraction * options.confidence_factor)
-    return SeismicCheck(
-        multiplier=abs(load_factor) * acceleration / gravity,
-        parts=len(np.unique(part)),
-        moving_mass=moving_mass,
-        participating_mass=participating,
-        mass_fraction=fraction,
-        confidence_factor=options.confidence_factor,
-        acceleration=activation,
-        acceleration_g=activation / gravity,
-        demand=options.demand,
+    return SeismicCheck.of(
+        abs(load_factor) * acceleration / gravity,
+        gravity,
+        options,
+        len(np.unique(part)),
+        force[pushed] / acceleration,
+        work[pushed] / force[pushed],
     )

@@ -22,6 +22,7 @@ from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.toml_tables import read_toml
+from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import InPlace, Signals, ranks, ranks_of
 
 #: The exit code of a run that a signal ended is this and its number.
@@ -97,6 +98,8 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     more = options.verbose
     say(f"reading {options.scene}", more)
     folder = _output_folder(options, comm)
+    if _in_space(options, comm):
+        return _solve_in_space(options, comm, beside, folder, say)
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     every = ["output.pictures=all"] if options.pictures else []
     scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast, *every])
@@ -123,6 +126,39 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
         say(f"written to {folder}", more)
         say(_next("report", folder))
         number = _first(signals, comm)
+    return BY_SIGNAL + number if number else EXIT_CODES[result.status]
+
+
+def _solve_in_space(
+    options: argparse.Namespace,
+    comm: MPI.Intracomm,
+    beside: Executor,
+    folder: Path,
+    say: Callable[..., None],
+) -> int:
+    """The same for a scene in space."""
+    from fenics_contact.spatial.limit import limit_load as limit_load_of_space
+    from fenics_contact.spatial.scene import Scene as SpatialScene
+
+    more = options.verbose
+    fast = ["solve.fast=true"] if options.fast else []
+    scene = SpatialScene.from_file(options.scene, comm, [*options.overrides, *fast])
+    count = comm.size * ranks_of(beside)
+    ranks_told = f" on {counted(count, 'rank')}" if count > 1 else ""
+    say(f"{counted(len(scene.blocks), 'block')}{ranks_told}", more)
+    over = MPI.COMM_WORLD.size == 1 and sys.stdout.isatty()
+    shown = ProgressLine if over and not more else Progress
+    with Signals() as signals:
+        with contextlib.ExitStack() as stack:
+            progress = shown(SEARCH.usual_tolerance)
+            monitor = progress if not options.quiet and (more or over) else None
+            if monitor is not None:
+                stack.callback(progress.close)
+            result = limit_load_of_space(scene, monitor, stop=signals, beside=beside)
+        say(result.summary(more))
+        result.write(folder, lambda: signals.number > 0)
+        say(f"written to {folder}", more)
+        number = signals.number
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
 
 
@@ -228,6 +264,8 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     folder = _output_folder(options, comm, "_state")
     factor = options.load_factor
+    if _in_space(options, comm):
+        return _stands_in_space(options, comm, folder)
     tables = read_toml(options.scene, comm, options.overrides)
     loads = tables.get("loads")
     pushed = isinstance(loads, dict) and "live" in loads
@@ -255,6 +293,22 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     found.write(folder)
     lines.append(f"written to {folder}")
     if pushed and found.status == "equilibrium":
+        lines.append(_next("solve", options.scene, options.overrides))
+    if comm.rank == 0 and not options.quiet:
+        print("\n".join(lines), flush=True)
+    return EXIT_CODES.get(found.status, 0)
+
+
+def _stands_in_space(options: argparse.Namespace, comm: MPI.Comm, folder: Path) -> int:
+    """The same for a scene in space."""
+    from fenics_contact.spatial.limit import standing
+    from fenics_contact.spatial.scene import Scene as SpatialScene
+
+    scene = SpatialScene.from_file(options.scene, comm, options.overrides)
+    found = standing(scene, options.load_factor)
+    found.write(folder)
+    lines = [found.summary(options.verbose), f"written to {folder}"]
+    if found.status == "equilibrium":
         lines.append(_next("solve", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines), flush=True)

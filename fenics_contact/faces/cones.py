@@ -100,7 +100,7 @@ class ScaledDisc:
     def __init__(self, slack: Array, dual: Array) -> None:
         size, other = np.sqrt(_determinant(slack)), np.sqrt(_determinant(dual))
         unit, mirrored = slack / size[:, None], _mirrored(dual) / other[:, None]
-        sharp = np.sqrt(0.5 * (1.0 + np.sum(unit * _mirrored(mirrored), axis=1)))
+        sharp = np.sqrt(0.5 * (1.0 + _dots(unit, _mirrored(mirrored))))
         point = (unit + mirrored) / (2.0 * sharp[:, None])
         self._eta = np.sqrt(size / other)
         self._first = point[:, :1]
@@ -111,29 +111,33 @@ class ScaledDisc:
 
     def _apply(self, v: Array, sign: float) -> Array:
         """W v, or W^-1 v for the sign -1."""
-        along = np.sum(self._rest * v[:, 1:], axis=1, keepdims=True)
-        first = self._first * v[:, :1] + sign * along
-        rest = v[:, 1:] + (along / (1.0 + self._first) + sign * v[:, :1]) * self._rest
-        return np.hstack([first, rest]) * (self._eta**sign)[:, None]
+        along = _dots(self._rest, v[:, 1:])[:, None]
+        applied = np.empty_like(v)
+        applied[:, :1] = self._first * v[:, :1] + sign * along
+        applied[:, 1:] = v[:, 1:] + (along / (1.0 + self._first) + sign * v[:, :1]) * self._rest
+        applied *= (self._eta**sign)[:, None]
+        return applied
 
     def _squares(self) -> tuple[Array, Array]:
         """W^-2 = eta^-2 (2 (J w)(J w)^T - J) by its eigenvectors."""
-        size = np.linalg.norm(self._rest, axis=1, keepdims=True)
-        along = np.divide(self._rest, size, out=np.zeros_like(self._rest), where=size > 0.0)
+        size = _lengths(self._rest)[:, None]
+        along = np.zeros_like(self._rest)
+        along[:, 0] = 1.0  # any direction where there is none
+        np.divide(self._rest, size, out=along, where=size > 0.0)
         large = (self._first + size) ** 2
-        count = along.shape[1]
-        weights = np.hstack([large, 1.0 / large, np.ones_like(along)]) / self._eta[:, None] ** 2
-        frame = np.zeros((len(along), 2 + count, 1 + count))
+        weights = np.hstack([large, 1.0 / large, np.ones_like(large)]) / self._eta[:, None] ** 2
+        frame = np.zeros((len(along), 3, 3))
         frame[:, :2, 0] = np.sqrt(0.5)
         frame[:, 0, 1:] = -np.sqrt(0.5) * along
         frame[:, 1, 1:] = np.sqrt(0.5) * along
-        frame[:, 2:, 1:] = np.eye(count) - along[:, :, None] * along[:, None, :]
+        frame[:, 2, 1] = -along[:, 1]
+        frame[:, 2, 2] = along[:, 0]
         return weights, frame
 
     def shift(self, change: Array) -> Array:
         """As of the orthant."""
         value = self._value
-        first = np.sum(_mirrored(value) * change, axis=1) / _determinant(value)
+        first = _dots(_mirrored(value), change) / _determinant(value)
         rest = (change[:, 1:] - first[:, None] * value[:, 1:]) / value[:, :1]
         return self._apply(np.column_stack([first, rest]), -1.0)
 
@@ -152,7 +156,7 @@ class ScaledDisc:
 
 
 class Disc:
-    """The second-order cone: the first component is larger than the length of the others."""
+    """The second-order cone: the first component is larger than the length of two others."""
 
     def degree(self, slack: Array) -> int:
         """Two for every unit: the eigenvalues."""
@@ -170,8 +174,8 @@ class Disc:
 
     def longest(self, place: Array, step: Array) -> float:
         """As of the orthant."""
-        square = step[:, 0] ** 2 - np.sum(step[:, 1:] ** 2, axis=1)
-        half = place[:, 0] * step[:, 0] - np.sum(place[:, 1:] * step[:, 1:], axis=1)
+        square = step[:, 0] ** 2 - _dots(step[:, 1:], step[:, 1:])
+        half = place[:, 0] * step[:, 0] - _dots(place[:, 1:], step[:, 1:])
         inside = _determinant(place)
         root = half**2 - square * inside
         nearest = np.sqrt(np.maximum(root, 0.0)) - half
@@ -183,7 +187,7 @@ class Disc:
 
     def margin(self, slack: Array) -> Array:
         """The least eigenvalue."""
-        return np.asarray(slack[:, 0] - np.linalg.norm(slack[:, 1:], axis=1))
+        return np.asarray(slack[:, 0] - _lengths(slack[:, 1:]))
 
     def raised(self, slack: Array, dual: Array, mu: float) -> Array:
         """As of the orthant."""
@@ -193,7 +197,7 @@ class Disc:
 
     def pushed(self, products: Array, least: float, most: float) -> Array:
         """By the eigenvalues of the products."""
-        size = np.linalg.norm(products[:, 1:], axis=1, keepdims=True)
+        size = _lengths(products[:, 1:])[:, None]
         along = np.divide(products[:, 1:], size, out=np.zeros_like(products[:, 1:]), where=size > 0)
         both = 0.5 * np.hstack([products[:, :1] + size, products[:, :1] - size])
         both = Positive().pushed(both, least, most)
@@ -203,15 +207,27 @@ class Disc:
 Cone = Positive | Disc
 
 
+def _dots(v: Array, w: Array) -> Array:
+    """Products of vectors, one for every unit."""
+    return np.asarray(np.einsum("ui,ui->u", v, w))
+
+
+def _lengths(v: Array) -> Array:
+    return np.sqrt(_dots(v, v))
+
+
 def _determinant(v: Array) -> Array:
-    size = np.linalg.norm(v[:, 1:], axis=1)
+    size = _lengths(v[:, 1:])
     return np.maximum((v[:, 0] - size) * (v[:, 0] + size), TINY)
 
 
 def _mirrored(v: Array) -> Array:
-    return np.hstack([v[:, :1], -v[:, 1:]])
+    mirrored = -v
+    mirrored[:, 0] = v[:, 0]
+    return mirrored
 
 
 def _product(v: Array, w: Array) -> Any:
-    first = np.sum(v * w, axis=1, keepdims=True)
-    return np.hstack([first, v[:, :1] * w[:, 1:] + w[:, :1] * v[:, 1:]])
+    product = v[:, :1] * w + w[:, :1] * v
+    product[:, 0] = _dots(v, w)
+    return product

@@ -220,6 +220,7 @@ class _Method:
         self.offset: Any = 0.0 if model.offset is None or not program.elastic else model.offset
         self.symmetric = np.array_equal(program.friction, program.dilatancy)
         self.curved = bool(np.any(model.kappa))
+        self.direct = len(model.cones) > 1 and not self.curved  # pressing forces are slacks
         self.cones = (*model.cones, Positive())
         self.springs: Springs | None = None
 
@@ -389,6 +390,8 @@ class _Local:
         near = min(1.0, max(point.gap, 1e-3))
         shift = method.options.regularization * method.displacement / model.force * near
         weights = [one.weights for one in self.scaled[:-1]] + [method.compliance + shift]
+        if method.direct:  # squares of the same vectors are one
+            weights[-1] = weights[-1] + np.pad(weights.pop(0), ((0, 0), (0, model.shears)))
         if method.curved:
             weights.append(model.curvature(point.duals)[:, None])
         self.inverse = self._springs().inverse(np.hstack(weights))
@@ -424,14 +427,11 @@ class _Local:
 
             def framed(gradients: Arrays) -> Array:
                 """Vectors of the squares of W^-2, in terms of the forces."""
-                return np.concatenate(
-                    [
-                        g if one.frame is None else np.matmul(one.frame, g)
-                        for one, g in zip(self.scaled, gradients, strict=False)
-                    ]
-                    + last,
-                    axis=1,
-                )
+                vectors = [
+                    g if one.frame is None else np.matmul(one.frame, g)
+                    for one, g in zip(self.scaled, gradients, strict=False)
+                ]
+                return np.concatenate([*vectors[int(method.direct) :], *last], axis=1)
 
             left = framed(self.gradients)
             method.springs = Springs(left, left if method.symmetric else framed(self.right))

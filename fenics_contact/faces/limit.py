@@ -73,18 +73,23 @@ class FaceSearch:
 
     def run(self) -> FaceState | None:
         """Search until a state has the gap asked for; the best one."""
-        state, work = self._with_coulomb(self.work)
-        if not self._found:
-            self._with_given_part(self.model.normal(np.maximum(state.force, 0.0)), work)
-        if not self._found and self.best is not None:
+        state, work = self.with_coulomb()
+        if not self.is_found:
+            self.with_given_part(state, work)
+        if not self.is_found:
+            self.from_best()
+        if not self.is_found:
+            self.from_associative()
+        return self.best
+
+    def from_best(self) -> None:
+        """The state of least gap for the mode of the best state, its load factor let free."""
+        if self.best is not None:
             self._check_stop()
             found = self._certifier.of(self.best.force)
             self._take("the best state", self.best.load_factor, found)
-        if not self._found:
-            self._from_associative()
-        return self.best
 
-    def _from_associative(self) -> None:
+    def from_associative(self) -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
@@ -102,7 +107,7 @@ class FaceSearch:
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
             self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
-            if self._found:
+            if self.is_found:
                 return
 
     @property
@@ -111,7 +116,8 @@ class FaceSearch:
         return SEARCH.first_work * elastic_response(self.model, self.equations).work
 
     @property
-    def _found(self) -> bool:
+    def is_found(self) -> bool:
+        """Whether the best state is as good as asked for."""
         return self.best is not None and self._rank(self.best) < (False, False, self._asked)
 
     def _rank(self, state: FaceState) -> tuple[bool, bool, float]:
@@ -125,16 +131,17 @@ class FaceSearch:
         """Whether no more factorisations are allowed."""
         return self.equations.factorizations >= self._effort
 
-    def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
+    def with_coulomb(self) -> tuple[Iterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         model = self.model
+        work = self.work
         for again in range(SEARCH.works):
             work *= SEARCH.work_growth if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, self._near)
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > SEARCH.far_apart * model.size(state.load_factor)
             near = state.gap < SEARCH.rough_gap / SEARCH.decade
-            if self._found or self.is_spent or not (near and below):
+            if self.is_found or self.is_spent or not (near and below):
                 break
         return state, work
 
@@ -144,9 +151,10 @@ class FaceSearch:
         response = elastic_response(self.model, self.equations)
         return self.model.normal(np.maximum(response.dead_force, 0.0))
 
-    def _with_given_part(self, pressed: Array, work: float) -> None:
-        """Steps with half of Coulomb's law, the rest of the bound given, from some forces."""
+    def with_given_part(self, start: Iterate, work: float) -> None:
+        """Steps with half of Coulomb's law, the rest of the bound given, from a state's forces."""
         model = self.model
+        pressed = model.normal(np.maximum(start.force, 0.0))
         theta = 0.5
         for _ in range(SEARCH.face_rounds):
             if self.is_spent:
@@ -162,7 +170,7 @@ class FaceSearch:
             pressed = own if near else 0.5 * (pressed + own)
             if near and missed < SEARCH.part_gap:
                 self._certified(f"theta {theta:g}", state, work)
-                if self._found or missed < SEARCH.gap:
+                if self.is_found or missed < SEARCH.gap:
                     break
 
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:

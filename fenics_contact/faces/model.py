@@ -40,6 +40,8 @@ class FaceModel:
         kappa: 1 / (2 L f_c), where pressure has a limit; else 0.
         offset: Relative motions at which the springs have no force, their signs reversed, shape
             (units, m): of ground that has moved; None for 0.
+        components: Of the vectors that generalised forces consist of: their lengths, which do not
+            change with the axes, are the sizes of forces.
     """
 
     motion: Any
@@ -52,6 +54,7 @@ class FaceModel:
     compliance: Array
     kappa: Array
     offset: Array | None = None
+    components: int = 1
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -66,12 +69,16 @@ class FaceModel:
     @cached_property
     def force(self) -> float:
         """A typical force: the largest one of the dead load, or else of the live load."""
-        return float(np.abs(self.dead).max(initial=0.0)) or self.load
+        return self._largest(self.dead) or self.load
 
     @cached_property
     def load(self) -> float:
         """The largest force of the live load."""
-        return float(np.abs(self.live).max(initial=0.0)) or 1.0
+        return self._largest(self.live) or 1.0
+
+    def _largest(self, load: Array) -> float:
+        vectors = load.reshape(-1, self.components)
+        return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
     def size(self, load_factor: float) -> float:
         """That of a load factor, by which gaps are divided: 1 % of a typical one at least."""

@@ -191,12 +191,11 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
     return found if near else None
 
 
-def stiffness_alone(model: FaceModel) -> float | None:
-    """How stiff faces are against the live load alone, of any size; None without such a state.
+def state_alone(model: FaceModel) -> Iterate | None:
+    """The state under the live load alone; None if none was found.
 
-    In units of the stiffness with all faces closed. Far along the live load, the dead load, given
-    strengths and faces with them are nothing beside it: all conditions are homogeneous, and every
-    multiple of a state is one.
+    Far along the live load, the dead load, given strengths and faces with them are nothing beside
+    it: all conditions are homogeneous, and every multiple of a state is one.
     """
     kept = model.kappa == 0.0
     alone = replace(
@@ -209,7 +208,15 @@ def stiffness_alone(model: FaceModel) -> float | None:
         compliance=model.compliance[kept],
         kappa=model.kappa[kept],
     )
-    found = state_under(alone, 1.0)
+    return state_under(alone, 1.0)
+
+
+def stiffness_alone(model: FaceModel) -> float | None:
+    """How stiff faces are against the live load alone, of any size; None without such a state.
+
+    In units of the stiffness with all faces closed.
+    """
+    found = state_alone(model)
     if found is None:
         return None
     moved = float(model.live @ found.motion)

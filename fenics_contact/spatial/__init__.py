@@ -5,6 +5,7 @@ contact carries pressure and Coulomb friction at points. Blocks are rigid; faces
 """
 
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
+from fenics_contact.spatial.limit import LimitLoad, limit_load, standing
 from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
@@ -15,6 +16,7 @@ __all__ = [
     "Force",
     "Foundation",
     "JointLaw",
+    "LimitLoad",
     "Load",
     "Material",
     "Movement",
@@ -26,4 +28,6 @@ __all__ = [
     "Sides",
     "SolveOptions",
     "Tie",
+    "limit_load",
+    "standing",
 ]

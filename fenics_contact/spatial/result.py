@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
+from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.bounds import LimitBounds, counted, proof
+from fenics_contact.results.wording import LEVEL, Line, Wording
+from fenics_contact.scene.units import Units
 from fenics_contact.spatial.structure import Structure
+
+#: Blocks that a line names.
+NAMED = 5
+#: What forces at the corners of contacts leave out.
+QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
+#: What a state is that was searched for.
+SEARCHED = "lowest collapse state found, with any self-stress"
 
 
 @dataclass(frozen=True)
@@ -16,17 +30,25 @@ class SpatialCollapse:
     """The limit of one direction of the live load.
 
     Attributes:
-        status: "limit", "unbounded", "unstable" or "not_converged".
+        status: "limit", "unbounded", "unstable", "not_converged", or of a state under given loads
+            "equilibrium".
         load_factor: That of a state inside all laws; nan without one.
         gap: Proved distance to what its own friction forces allow, relative.
         upper: Nothing carries more with any friction forces; infinite where nothing is known.
         mode: Motions of all blocks in the collapse: velocities of centroids and rotations, shape
             (blocks, 6), scaled to a largest velocity of 1; None without a limit.
         force: Forces of the points along their contact's axes, N, shape (points, 3).
+        tension: Of the bars, N, shape (bars,).
         lowest: Load factor of the lowest collapse state found; nan where none was looked for.
         sign: Of the live load.
         reason: Why there is no limit.
         falling: Numbers of blocks that fall or are wedged, where there is none.
+        residuals: By how much each condition is missed, see `certificate`.
+        searched: What was searched for, in words; empty for what the load leads to.
+        seismic: Spectral acceleration at which it starts; None where that was not asked for.
+        attempts: What was tried.
+        factorizations: Of face systems.
+        stopped: Why the search was ended early; empty where it was not.
     """
 
     status: str
@@ -35,10 +57,72 @@ class SpatialCollapse:
     upper: float = np.inf
     mode: Array | None = None
     force: Array | None = None
+    tension: Array | None = None
     lowest: float = np.nan
     sign: float = 1.0
     reason: str = ""
     falling: tuple[int, ...] = ()
+    residuals: dict[str, float] = field(default_factory=dict)
+    searched: str = ""
+    seismic: SeismicCheck | None = None
+    attempts: tuple[FaceAttempt, ...] = ()
+    factorizations: int = 0
+    stopped: str = ""
+
+    @property
+    def bounds(self) -> LimitBounds:
+        """What is known of all collapse states."""
+        known = None if math.isinf(self.upper) and self.status != "unbounded" else self.upper
+        return LimitBounds(None, known) if self.sign > 0.0 else LimitBounds(known, None)
+
+    @property
+    def limit(self) -> float:
+        """With the friction forces of this state nothing carries more."""
+        return self.load_factor + self.sign * self.gap * abs(self.load_factor)
+
+
+@dataclass(frozen=True)
+class SpatialWording(Wording):
+    """How load factors of a scene in space are told.
+
+    Attributes:
+        direction: Of the live load's acceleration.
+    """
+
+    direction: tuple[float, ...] = ()
+
+    def way(self, direction: str) -> str:
+        """Where the live load pushes."""
+        if self.acceleration is None:
+            return super().way(direction)
+        vector = np.array(self.direction) * (-1.0 if direction == "negative" else 1.0)
+        axis = int(np.argmax(np.abs(vector)))
+        if np.abs(vector).sum() - abs(vector[axis]) < 1e-6:
+            return f"along {'+' if vector[axis] > 0.0 else '-'}{'xyz'[axis]}"
+        return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
+
+
+def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
+    """How the load factors of a scene are told; `scene` is None for a structure alone."""
+    resultant = float(np.linalg.norm(structure.live[:, :3].sum(axis=0)))
+    if scene is None:
+        return SpatialWording(Units("SI", 1.0), load=resultant, both=both)
+    live = scene.live
+    push = live.acceleration
+    size = float(np.linalg.norm(push))
+    given = bool(live.traction) or bool(live.force)
+    down = scene.dead.acceleration
+    falls = down[2] < 0.0 and np.abs(down[:2]).max() <= LEVEL * abs(down[2])
+    level = size > 0.0 and abs(push[2]) <= LEVEL * size and live.profile == "uniform"
+    whole = falls and level and not given and all(f.mass for f in scene.floors.values())
+    return SpatialWording(
+        scene.units,
+        size if whole else None,
+        resultant,
+        forces=bool(live.force) and size == 0.0 and not live.traction,
+        both=both,
+        direction=tuple((push / size).tolist()) if whole else (),
+    )
 
 
 @dataclass(frozen=True)
@@ -49,15 +133,23 @@ class SpatialLimit:
         scene: What was asked for.
         structure: Its blocks, contacts and loads.
         directions: By "positive" and "negative".
-        factorizations: Of face systems.
         seconds: By what they were spent on.
+        ranks: How many ranks shared the tasks.
+        warnings: On the scene.
     """
 
     scene: Any
     structure: Structure
     directions: dict[str, SpatialCollapse]
-    factorizations: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+    ranks: int = 1
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        title = getattr(self.scene, "title", "")
+        factors = (f"load factor {c.load_factor:.8g}" for c in self.directions.values())
+        named = [repr(title)] if title else []
+        return f"<{type(self).__name__}: {', '.join([*named, self.status, *factors])}>"
 
     @property
     def collapse(self) -> SpatialCollapse:
@@ -65,11 +157,139 @@ class SpatialLimit:
         return next(iter(self.directions.values()))
 
     @property
+    def ends(self) -> dict[str, SpatialCollapse]:
+        """Collapse by direction, as of results in the plane."""
+        return self.directions
+
+    @property
     def status(self) -> str:
-        """The first direction's."""
-        return self.collapse.status
+        """Status of all directions."""
+        found = {collapse.status for collapse in self.directions.values()}
+        for status in ("unstable", "not_converged"):
+            if status in found:
+                return status
+        return found.pop() if len(found) == 1 else "limit"
 
     @property
     def load_factor(self) -> float:
-        """The first direction's."""
-        return self.collapse.load_factor
+        """The positive one; infinite if unbounded, nan if there is none."""
+        return self._of("positive").load_factor
+
+    @property
+    def load_factor_negative(self) -> float:
+        """With the live load reversed, not above 0; nan if not asked for."""
+        return self._of("negative").load_factor
+
+    def _of(self, direction: str) -> SpatialCollapse:
+        return self.directions.get(direction, SpatialCollapse("not_converged"))
+
+    @property
+    def factorizations(self) -> int:
+        """Of face systems."""
+        return sum(collapse.factorizations for collapse in self.directions.values())
+
+    @property
+    def stopped(self) -> str:
+        """Why the run was ended early; empty where it was not."""
+        return next((c.stopped for c in self.directions.values() if c.stopped), "")
+
+    @property
+    def wording(self) -> SpatialWording:
+        """How its load factors are told."""
+        return wording_of(self.scene, self.structure, both=len(self.directions) > 1)
+
+    def reason(self, collapse: SpatialCollapse | None = None) -> str:
+        """Why there is no limit load, of one direction or at all; empty where there is."""
+        several = self.directions.values() if collapse is None else (collapse,)
+        told = dict.fromkeys(self._reason(one) for one in several)
+        return "; ".join(filter(None, told))
+
+    def _reason(self, collapse: SpatialCollapse) -> str:
+        if not collapse.falling:
+            return collapse.reason
+        does = "wedge" if collapse.status == "unbounded" else "fall"
+        return f"{collapse.reason}: {named(self.structure, collapse.falling, does)}"
+
+    def summary(self, verbose: bool = False) -> str:
+        """The answer in three to five lines; with all that is known of it, if that is wished."""
+        found, more = self.answer(self.wording)
+        lines = [*found, *more]
+        if verbose:
+            lines += ["", *self._details()]
+        return "\n".join(lines)
+
+    def answer(self, words: Wording) -> tuple[list[str], list[str]]:
+        """The collapse, or why none is known; and what else was asked, in lines for people."""
+        found = []
+        told = []
+        amounts: dict[str, list[str]] = {}
+        limits = {n: c for n, c in self.directions.items() if c.status == "limit"}
+        for name, collapse in limits.items():
+            head = f"{collapse.searched}:" if collapse.searched else "it collapses at"
+            amounts.setdefault(head, []).append(words.amount(collapse.load_factor, name))
+            told += [(name, line) for line in _lines(collapse, words)]
+        found += [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
+        others = [(n, c) for n, c in self.directions.items() if n not in limits]
+        found += dict.fromkeys(self._without_limit(n, c, words) for n, c in others)
+        states = words.merged([item for item in told if item[1].states], limits)
+        more = ["; ".join(states)] if states else []
+        more += words.merged([item for item in told if not item[1].states], limits)
+        return found, [*more, *([QUICK] if self.structure.quick else [])]
+
+    def _without_limit(self, name: str, collapse: SpatialCollapse, words: Wording) -> str:
+        reason = self._reason(collapse)
+        if collapse.status == "equilibrium":
+            loads = "its dead load"
+            loads += f" and {words.at(collapse.load_factor)}" if collapse.load_factor else ""
+            return f"it stands under {loads}"
+        if collapse.status == "unstable":
+            return f"it does not stand under its dead load: {reason.partition(': ')[2]}"
+        if collapse.status == "unbounded":
+            first, _, blocks = reason.partition(": ")
+            return f"{first} {words.way(name)}".rstrip() + f": {blocks}"
+        return f"no collapse was found {words.way(name)}".rstrip() + f": {reason}"
+
+    def _details(self) -> list[str]:
+        """Proofs, residuals, what was tried, and time."""
+        lines = []
+        for name, collapse in self.directions.items():
+            lines.append(f"load factor ({name}) = {collapse.load_factor:.8g}, {collapse.status}")
+            if collapse.status == "limit":
+                lines.append(collapse_proof(collapse))
+                told = ", ".join(f"{k} {v:.0e}" for k, v in collapse.residuals.items())
+                lines.append(f"verified from blocks and contacts: {told.replace('_', ' ')}")
+            for one in collapse.attempts:
+                tried = f"load factor {one.load_factor:.6g}, gap {one.gap:.1e}"
+                lines.append(f"tried: {one.name}: {tried}, {one.factorizations} factorisations")
+        total = self.seconds.get("total", 0.0)
+        return [*lines, f"{counted(self.factorizations, 'factorisation')}, {total:.2f} s"]
+
+
+def collapse_proof(collapse: SpatialCollapse) -> str:
+    """What is proved of a limit, in a sentence."""
+    return proof(collapse.load_factor, collapse.limit, "friction", collapse.searched)
+
+
+def _lines(collapse: SpatialCollapse, words: Wording) -> list[Line]:
+    """Other states and bounds of a limit, and its seismic check."""
+    lines = []
+    factor = collapse.load_factor
+    if math.isfinite(collapse.lowest) and not collapse.searched:
+        lower = abs(collapse.lowest) < abs(factor) * (1.0 - 2e-3)
+        text = words.beside(collapse.lowest, factor, collapse.sign) if lower else "this one"
+        lines.append(Line(f"{SEARCHED}:", text, states=True))
+    if math.isfinite(collapse.upper):
+        most = words.beside(collapse.upper, factor, collapse.sign, 1)
+        lines.append(Line("nothing carries more than", most, states=True))
+    if collapse.seismic is not None:
+        lines += SeismicAnswer(collapse.seismic).lines(cast(Any, collapse), words)
+    return [line for line in lines if not line.verbose]
+
+
+def named(structure: Structure, numbers: Sequence[int], does: str) -> str:
+    """Blocks by name, as far as a line has room, and what they do."""
+    names = [structure.blocks[k].name or str(k) for k in numbers]
+    if len(names) == 1:
+        return f"block {names[0]} {does}s"
+    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"blocks {', '.join(names[:NAMED])}{rest} {does}"

@@ -225,4 +225,5 @@ class Structure:
             compliance=compliance,
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
+            components=3,
         )

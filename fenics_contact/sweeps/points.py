@@ -27,7 +27,7 @@ from fenics_contact import compat
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.geometry.mesh import BlockMesh
-from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
+from fenics_contact.limit_load import limit_load, limit_load_of
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, read_toml, value_of
 from fenics_contact.workers import InPlace, Ranks
@@ -155,6 +155,11 @@ class Family:
             self.comm = compat.default_comm() if comm is None else comm
             self.tables = read_toml(origin[0], self.comm, origin[1])
 
+    @property
+    def in_space(self) -> bool:
+        """Whether the scenes have three dimensions."""
+        return self.tables.get("dimension") == 3
+
     def to_send(self) -> bytes:
         """The origin, as `Origin`, for another process.
 
@@ -171,7 +176,7 @@ class Family:
                     )
         return pickle.dumps(self.origin)
 
-    def scene(self, values: Values) -> Scene:
+    def scene(self, values: Values) -> Any:
         """The scene with these values.
 
         Raises:
@@ -185,6 +190,10 @@ class Family:
         tables = copied(self.tables)
         for key, value in values.items():
             assign(tables, key, value)
+        if self.in_space and not isinstance(self.origin, Scene):
+            from fenics_contact.spatial.scene import Scene as SpatialScene
+
+            return SpatialScene.from_tables(tables, self.origin[0].parent)
         return Scene.from_tables(tables, self._kept_mesh)
 
     def _kept_mesh(self, name: str, blocks: str) -> BlockMesh:
@@ -218,7 +227,7 @@ class Point:
         lower_negative: Lower end of its bracket.
         upper_negative: Upper end.
         load_factor_point_hinges: Load factor with hinges of no length; nan if not known.
-        displacements: Number of those of the mesh, to compare meshes by.
+        displacements: Number of those of the mesh, to compare meshes by; 0 in space.
         factorizations: Numeric factorisations.
         seconds: Time, s.
         reason: Why there is no limit load, for people.
@@ -298,13 +307,17 @@ class Structure:
         self._owner = self._last = None
 
 
-def solve(scene: Scene, structure: Structure) -> LimitLoad:
+def solve(scene: Any, structure: Structure) -> Any:
     """Limit load and bracket of a scene.
 
     Raises:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
+    if not isinstance(scene, Scene):
+        from fenics_contact.spatial.limit import limit_load as limit_load_of_space
+
+        return limit_load_of_space(scene)
     # A table of load factors has a column for hinges, and no room for more.
     left_out = ("lowest", "peak", "range")
     more = {name: bool(getattr(scene.solve, name)) for name in left_out}
@@ -333,7 +346,7 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
         high = end.bounds.upper
         ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
         found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
-    if result.collapse is not None and result.collapse.hinges is not None:
+    if getattr(result.collapse, "hinges", None) is not None:
         found["load_factor_point_hinges"] = float(result.collapse.hinges.points)
     reason = result.reason()
     if not reason and result.status == "not_converged":  # what keeps states from being verified
@@ -344,7 +357,7 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
         values,
         result.status,
         **found,
-        displacements=result.layout.size,
+        displacements=0 if family.in_space else result.layout.size,
         factorizations=result.factorizations,
         seconds=time.perf_counter() - start,
         reason=" ".join(reason.split()),

@@ -40,6 +40,7 @@ from fenics_contact.output.view import view_of
 from fenics_contact.results.bounds import counted, equal
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
+from fenics_contact.search_options import SEARCH
 from fenics_contact.sweeps.points import (
     WRONG_INPUT,
     Family,
@@ -185,9 +186,11 @@ def run_sweep(
     points = grid(parameters)
     comm = family.comm
     # What is wrong in any scene is refused before the first is solved.
-    tolerance = max(family.scene(values).solve.tolerance for values in reversed(points))
-    with Discretization(family.scene(points[0])) as made:
-        made.check_pushed()
+    scenes = [family.scene(values) for values in reversed(points)]
+    tolerance = max(getattr(one.solve, "tolerance", SEARCH.usual_tolerance) for one in scenes)
+    if not family.in_space:
+        with Discretization(scenes[-1]) as made:
+            made.check_pushed()
     tell = tell or (lambda done, total, point: None)
     rows = Table(folder or Path(), list(points[0]), tolerance)
     there: list[Point] = []
@@ -220,7 +223,7 @@ def run_sweep(
                 axes.set_title(plain(str(family.tables.get("title", "")), TITLE), fontsize=11)
                 figure.savefig(file, dpi=150)
             replace_file(folder / PICTURE, file.getvalue())
-    worst = done.worst
+    worst = None if family.in_space else done.worst
     if worst is not None and any(key.startswith("loads.") for key in worst.values):
         with closing(Structure()) as structure:
             result = solve(family.scene(worst.values), structure)
@@ -368,16 +371,18 @@ class Table:
 
 def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
     """What tells a sweep from others: version, scene, meshes and values. On one rank."""
-    meshes = {str(family.tables.get("mesh", {}).get("file", ""))}
+    table = "blocks" if family.in_space else "mesh"
+    meshes = {str(family.tables.get(table, {}).get("file", ""))}
     for parameter in parameters:
-        if "mesh.file" in parameter.keys:
+        if f"{table}.file" in parameter.keys:
             meshes = {str(value) for value in parameter.values}
     solved = {k: v for k, v in family.tables.items() if k not in ("title", "output")}
     tables = json.dumps(solved, sort_keys=True, default=str).encode()
     record = {"version": __version__, "scene": hashlib.sha256(tables).hexdigest()}
     if not isinstance(family.origin, Scene):
         folder = family.origin[0].parent
-        files = [hashlib.sha256((folder / name).read_bytes()) for name in sorted(meshes)]
+        paths = [folder / name for name in sorted(meshes)]
+        files = [hashlib.sha256(path.read_bytes()) for path in paths if path.is_file()]
         record["mesh"] = " ".join(one.hexdigest() for one in files)
     vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
     return {**record, "vary": vary}

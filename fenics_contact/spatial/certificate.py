@@ -1,0 +1,132 @@
+"""A collapse in space held against its problem: blocks, contacts and laws, not what solved it.
+
+Every residual is recomputed from the forces at points and the motions of blocks alone. With the
+forces' own strengths g = c A + (F - D) N of the points nothing carries more than
+
+    (g . |v_T| - f_D . v) / f_L . v
+
+for a motion of the blocks by which all points open: v_N >= D |v_T|.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.result import SpatialCollapse
+from fenics_contact.spatial.structure import Structure
+
+#: What a state may miss, in parts of the largest load on a block: of equilibrium and of its laws.
+ALLOWED = {
+    "equilibrium": 1e-7,
+    "pressure": 1e-6,
+    "friction": 1e-6,
+    "ties": 1e-6,
+    "mode_penetration": 1e-5,
+    "crushing": 1e-6,
+}
+
+
+def missing_forces(structure: Structure, force: Array, tension: Array, load_factor: float) -> Array:
+    """Forces and moments about centroids that are left over, N and N m, shape (blocks, 6)."""
+    missing = structure.dead + load_factor * structure.live
+    axes, ends = _units(structure)
+    along = np.einsum("pk,pki->pi", force, axes[: len(force)])  # on the second block
+    along = np.vstack([along, -tension[:, None] * axes[len(force) :, 1]])
+    for sign, block, arm in ends:
+        vectors = np.hstack([along, np.cross(arm, along)])
+        np.add.at(missing, block[block >= 0], sign * vectors[block >= 0])
+    return missing[structure.number >= 0]
+
+
+def relative_motions(structure: Structure, mode: Array) -> Array:
+    """Motions of second ends against first ones along the axes of points, and then of bars."""
+    axes, ends = _units(structure)
+    motions = np.vstack([mode, np.zeros(6)])  # the last one: GROUND
+    moved = np.zeros((len(axes), 3))
+    for sign, block, arm in ends:
+        moved += sign * (motions[block, :3] + np.cross(motions[block, 3:], arm))
+    return np.asarray(np.einsum("pki,pi->pk", axes, moved))
+
+
+def _units(structure: Structure) -> tuple[Array, list[tuple[float, Any, Array]]]:
+    """Axes of points and bars; sign, blocks, and arms from their centroids, of both ends."""
+    points = structure.points
+    bars = structure.bars
+    along = np.zeros((len(bars), 3, 3))
+    for k, bar in enumerate(bars):
+        line = bar.tie.ends[1] - bar.tie.ends[0]
+        along[k, 1] = line / np.linalg.norm(line)
+    axes = np.array([contact.axes for contact in structure.contacts])[points.contact]
+    centroid = np.array([*(block.centroid for block in structure.blocks), np.zeros(3)])
+    ends = []
+    for end, name in enumerate(("first", "second")):
+        numbers = np.array([getattr(contact, name) for contact in structure.contacts])
+        block = np.append(numbers[points.contact], [bar.blocks[end] for bar in bars]).astype(int)
+        place = np.vstack([points.position, *(bar.tie.ends[end] for bar in bars)])
+        ends.append((2.0 * end - 1.0, block, place - centroid[block]))
+    return np.concatenate([axes, along]), ends
+
+
+def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, float]:
+    """By how much a collapse misses equilibrium and its laws, relative; and its gap, recomputed."""
+    force = collapse.force
+    tension = collapse.tension
+    mode = collapse.mode
+    if force is None or mode is None or tension is None:
+        return {}
+    count = len(force)
+    area = structure.points.area
+    laws = [structure.laws[k] for k in structure.points.contact]
+    friction = np.array([law.friction for law in laws])
+    dilatancy = np.array([law.dilatancy for law in laws])
+    tensile = np.array([law.tensile_strength for law in laws]) * area
+    cohesion = np.array([law.cohesion for law in laws]) * area
+    yields = np.array([bar.tie.yield_ for bar in structure.bars])
+    missing = missing_forces(structure, force, tension, collapse.load_factor)
+    missing[:, 3:] /= structure.size
+    loads = np.abs(structure.dead) + np.abs(collapse.load_factor * structure.live)
+    typical = float(loads[:, :3].max())
+    normal = force[:, 0]
+    shear = np.linalg.norm(force[:, 1:], axis=1)
+    moved = relative_motions(structure, mode)
+    slip = np.linalg.norm(moved[:count, 1:], axis=1)
+    opening = moved[:count, 0] - dilatancy * slip
+    own = cohesion + (friction - dilatancy) * normal
+    power = float(own @ slip + tensile @ np.maximum(opening, 0.0))
+    power += float(yields @ np.maximum(moved[count:, 1], 0.0))
+    power -= float(np.vdot(structure.dead, mode))
+    # Contacts that crush close, at a power that the programs know.
+    closes = np.isfinite([law.compressive_strength for law in laws])
+    work = float(np.vdot(structure.live, mode))
+    size = max(abs(collapse.load_factor), 1e-2 * typical / float(np.abs(structure.live).max()))
+    apart = abs(power / work - collapse.load_factor) / size
+    penetration = float(np.max(-opening[~closes], initial=0.0))
+    found = {
+        "equilibrium": float(np.abs(missing).max()) / typical,
+        "pressure": float(np.max(-normal - tensile)) / typical,
+        "friction": float(np.max(shear - cohesion - friction * normal)) / typical,
+        "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
+        "mode_penetration": penetration / float(np.abs(moved).max()),
+        "limit": collapse.gap if np.any(closes) else apart,
+    }
+    return {name: max(value, 0.0) for name, value in found.items()}
+
+
+def tolerances(residuals: dict[str, float], asked: float) -> dict[str, float]:
+    """What each residual may be in a limit, of which a gap is asked for."""
+    allowed = {**ALLOWED, "limit": max(asked, SEARCH.rough_gap)}
+    return {name: allowed[name] for name in residuals}
+
+
+def missed(residuals: dict[str, float], asked: float) -> str:
+    """Residuals above what is allowed, in words; empty where there are none."""
+    allowed = tolerances(residuals, asked)
+    return ", ".join(
+        f"{name.replace('_', ' ')} ({value:.1e}, allowed {allowed[name]:.0e})"
+        for name, value in residuals.items()
+        if not value <= allowed[name]
+    )

@@ -1,0 +1,65 @@
+"""The seismic check of a mechanism in space, by the formulas of `answers.seismic`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_contact.answers.seismic import AS_ONE, SeismicCheck
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene.scene import Seismic
+from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.certificate import relative_motions
+from fenics_contact.spatial.result import SpatialCollapse
+from fenics_contact.spatial.structure import Structure
+
+
+def rigid_parts(structure: Structure, mode: Array) -> Indices:
+    """Numbers of parts that move as one in a mode, by blocks, shape (blocks,)."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    points = structure.points
+    rate = np.linalg.norm(relative_motions(structure, mode)[: len(points.area)], axis=1)
+    largest = np.zeros(len(structure.contacts))
+    np.maximum.at(largest, points.contact, rate)
+    joined = np.flatnonzero(largest <= AS_ONE * largest.max(initial=0.0))
+    pairs = np.array([(c.first, c.second) for c in structure.contacts])[joined]
+    shape = (len(structure.blocks), len(structure.blocks))
+    graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape)
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def seismic_check(
+    structure: Structure,
+    collapse: SpatialCollapse,
+    accelerations: tuple[float, float],
+    options: Seismic,
+) -> SeismicCheck | None:
+    """The check of a collapse; None where no mass moves.
+
+    Args:
+        structure: With the live load as horizontal forces in proportion to weights.
+        collapse: Of either sign.
+        accelerations: Of the dead and of the live load at load factor 1, m/s2.
+        options: Confidence factor.
+    """
+    mode = collapse.mode
+    if mode is None or not min(accelerations):
+        return None
+    gravity, acceleration = accelerations
+    speed = np.linalg.norm(mode[:, :3], axis=1)
+    moving = (speed > SEARCH.slight * speed.max()) & (structure.number >= 0)
+    part = rigid_parts(structure, mode)[moving]
+    work = np.bincount(part, np.einsum("bi,bi->b", structure.live, mode)[moving])
+    force = np.bincount(part, np.linalg.norm(structure.live[moving, :3], axis=1))
+    pushed = force > 0.0
+    if not np.any(pushed):
+        return None
+    return SeismicCheck.of(
+        abs(collapse.load_factor) * acceleration / gravity,
+        gravity,
+        options,
+        len(np.unique(part)),
+        force[pushed] / acceleration,
+        work[pushed] / force[pushed],
+    )
