@@ -30,12 +30,12 @@ FACING = np.cos(np.radians(2.0))
 REFUSED = {
     "same": "blocks '{0}' and '{1}' are the same{more}: leave one out",
     "pieces": "pieces of block '{0}' overlap by {by:.3g} m{more}: cut them apart",
-    "overlap": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart, or set a"
-    " tolerance of {above:.3g} m",
+    "overlap": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart, or set"
+    " tolerance = {above:.3g}",
 }
 TOLD = {
     "gap": "sides of blocks '{0}' and '{1}' are {by:.3g} m apart{more}: no force passes; if they"
-    " touch, set a tolerance of {above:.3g} m",
+    " touch, set tolerance = {above:.3g}",
     "sliver": "the contact of blocks '{0}' and '{1}' is {by:.3g} m wide{more}: it is left out",
     "warped": "sides of block '{0}' are warped by {by:.3g} m{more}: they are taken as plane",
     "alone": "block '{0}' touches nothing{more}: it falls",
@@ -92,15 +92,15 @@ def checked_contacts(
         InputError: If blocks overlap by more than the tolerance.
     """
     contacts, found = _survey(blocks, tolerance)
-    messages = {}
+    warnings = []
     for kind, text in (REFUSED | TOLD).items():
         if kind in found:
             measure, first, second = max(found[kind])
             more = f" (and {len(found[kind]) - 1} more)" if len(found[kind]) > 1 else ""
             names = (blocks[first].name, blocks[second].name)
-            messages[kind] = text.format(*names, by=measure, above=1.01 * measure, more=more)
-        require(kind not in REFUSED or kind not in messages, messages.get(kind, ""))
-    return tuple(contacts), tuple(messages.values())
+            warnings.append(text.format(*names, by=measure, above=1.01 * measure, more=more))
+            require(kind in TOLD, warnings[-1])
+    return tuple(contacts), tuple(warnings)
 
 
 def _survey(
@@ -122,9 +122,9 @@ def _survey(
             if kind == "contact":
                 contacts.append(Contact(first, second, axes, corners))
             found[kind].append((measure, first, second))
-    for number, piece in zip(owner.tolist(), pieces, strict=True):
+    for one, piece in enumerate(pieces):
         if piece.warp > APART * piece.thickness:
-            found["warped"].append((piece.warp, number, number))
+            found["warped"].append((piece.warp, owner[one], owner[one]))
     pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
     label = connected(pairs.reshape(-1, 2), len(blocks))
     for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():

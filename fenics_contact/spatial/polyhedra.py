@@ -35,9 +35,8 @@ class PlaneSides:
 
     Attributes:
         corners: m, shape (corners, 3).
-        sides: Loops of corners.
+        sides: Loops of corners, counterclockwise seen from outside.
         at_sides: Numbers of corners, side after side, and of their sides: an index of heights.
-        outwards: Whether these are counterclockwise seen from outside, shape (sides,).
         areas: m2, shape (sides,).
         normals: Unit vectors outwards, shape (sides, 3).
         levels: Of planes through the means of corners, n . x = level, m, shape (sides,).
@@ -54,7 +53,6 @@ class PlaneSides:
         used, corner = np.unique(np.concatenate(sides), return_inverse=True)
         self.at_sides = corner, side
         loops = np.split(corner, self._start[1:])
-        self.sides = tuple(tuple(loop.tolist()) for loop in loops)
         self.corners = points[used]
         points = self.corners[corner]
         edge = self.corners[np.concatenate([np.roll(loop, -1) for loop in loops])] - points
@@ -63,8 +61,9 @@ class PlaneSides:
         apex = middle[side]
         twice = np.cross(points - inside - apex, edge)  # areas of triangles on edges
         vector = 0.5 * np.add.reduceat(twice, self._start)
-        self.outwards = np.einsum("sk,sk->s", vector, middle) > 0.0
-        sign = np.where(self.outwards, 1.0, -1.0)
+        sign = np.where(np.einsum("sk,sk->s", vector, middle) > 0.0, 1, -1)
+        turned = zip(loops, sign.tolist(), strict=True)
+        self.sides = tuple(tuple(loop[::step].tolist()) for loop, step in turned)
         self.areas = np.linalg.norm(vector, axis=1)
         self.normals = vector * (sign / np.maximum(self.areas, TINY))[:, None]
         self.levels = np.einsum("sk,sk->s", self.normals, middle + inside)
@@ -80,7 +79,7 @@ class PlaneSides:
         return np.asarray(self.corners @ self.normals.T - self.levels)
 
     def joined(self) -> list[tuple[int, ...]]:
-        """Sides outwards; those in the plane of a larger one are part of it.
+        """Sides; those in the plane of a larger one are part of it.
 
         Raises:
             InputError: Without the name of the block.
@@ -97,11 +96,7 @@ class PlaneSides:
             side = self.sides[number]
             crosses = f"side {list(side)} crosses itself; give its corners in a loop"
             require(self.areas[number] > NO_AREA * self.areas.sum(), crosses)
-            if len(parts) > 1:
-                side = self._outline(parts, self.normals[number])
-            elif not self.outwards[number]:
-                side = side[::-1]
-            joined.append(side)
+            joined.append(side if len(parts) == 1 else self._outline(parts, self.normals[number]))
         return joined
 
     def _outline(self, parts: Indices, normal: Array) -> tuple[int, ...]:

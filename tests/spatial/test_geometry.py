@@ -208,7 +208,7 @@ def test_gaps_are_told_and_closed_by_a_tolerance():
     gap, alone = warnings
     assert gap == (
         "sides of blocks 'ground' and 'a' are 0.002 m apart (and 1 more): no force passes; if they"
-        " touch, set a tolerance of 0.00202 m"
+        " touch, set tolerance = 0.00202"
     )
     assert alone == "block 'a' touches nothing (and 1 more): it falls"
     contacts, warnings = checked_contacts(blocks, tolerance=0.00202)
@@ -233,7 +233,7 @@ def test_overlaps_are_refused():
     deep = [GROUND, box([0, 0, -0.02], [1, 1, 1], "a"), box([0.9, 0, 0], [2, 1, 1], "b")]
     with pytest.raises(InputError, match=r"'a' and 'b' overlap by 0.1 m \(and 1 more\): move them"):
         checked_contacts(deep)
-    with pytest.raises(InputError, match=r"set a tolerance of 0.101 m"):
+    with pytest.raises(InputError, match=r"set tolerance = 0.101"):
         checked_contacts([turned(block) for block in deep])
     shallow = [GROUND, box([0, 0, -0.002], [1, 1, 1], "a")]
     with pytest.raises(InputError, match=r"'ground' and 'a' overlap by 0.002 m"):
