@@ -18,9 +18,9 @@ from fenics_contact.geometry.planar_cells import connected, near_pairs
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 #: Sides this far apart touch, and blocks may overlap by it, in parts of the thinner's thickness.
-APART = 1e-4
+APART = 5e-4
 #: A contact must be wider than this; it is a sliver otherwise, an edge below the distance above.
-NARROW = 1e-3
+NARROW = 2e-3
 #: Sides that face each other within this distance, and do not touch, are told of.
 NEARLY = 0.1
 #: Cosine of the largest angle between sides that face each other.
