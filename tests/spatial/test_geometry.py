@@ -313,6 +313,38 @@ def test_drums_of_unlike_sides_touch_in_their_common_part():
     assert [one.area for one in contacts] == pytest.approx([0.75 * 3.0**0.5 / 4.0] * 2)
 
 
+def halves(body, normal, level):
+    """A body cut by a plane; itself where the plane misses it."""
+    height = body.corners @ normal - level
+    if min(height.max(), -height.min()) < 1e-3:
+        return [body]
+    edges = [(side[k - 1], side[k]) for side in body.sides for k in range(len(side))]
+    cuts = [
+        (height[b] * body.corners[a] - height[a] * body.corners[b]) / (height[b] - height[a])
+        for a, b in edges
+        if height[a] * height[b] < 0.0
+    ]
+    parts = [[*body.corners[sign * height >= 0.0], *cuts] for sign in (1.0, -1.0)]
+    return [Polyhedron.hull(part) for part in parts]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_cut_by_planes_is_whole_again(seed):
+    """Slivers with it: all inner surface is in contact, in place and turned and far away."""
+    generator = np.random.default_rng(seed)
+    bodies = [Polyhedron.box([0, 0, 0], [1, 1, 1])]
+    for _ in range(4):
+        normal = generator.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        level = normal @ generator.uniform(0.1, 0.9, size=3)
+        bodies = [part for body in bodies for part in halves(body, normal, level)]
+    assert sum(body.volume for body in bodies) == pytest.approx(1.0, rel=1e-9)
+    inner = 0.5 * (sum(body.areas.sum() for body in bodies) - 6.0)
+    blocks = [Block((body,), str(k), fixed=k == 0) for k, body in enumerate(bodies)]
+    for some in (blocks, [turned(block, TURN, [5e5, 4.6e6, 100.0]) for block in blocks]):
+        assert sum(contact.area for contact in contacts_of(some)) == pytest.approx(inner, rel=1e-3)
+
+
 def random_polygon(generator, count, scale=(1.0, 1.0)):
     points = generator.normal(size=(count, 2)) * scale
     return points[ConvexHull(points).vertices]
