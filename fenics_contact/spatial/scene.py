@@ -199,7 +199,9 @@ class Scene(Checked, _Shared):
         require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
         if self.seismic is not None:
             check_inertia_forces(self.dead, self.live)
-        require(self.output.capacity == 0, "output.capacity: there is no curve in space; leave it")
+        require(
+            self.output.capacity == 0, "output.capacity: there is no curve in space; leave it out"
+        )
 
     def laws(self) -> dict[str, JointLaw]:
         """Laws of contacts by their keys in a scene file."""
