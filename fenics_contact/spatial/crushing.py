@@ -111,11 +111,16 @@ class Crushing:
 
         return cls(vstack(rows).tocsr(), np.array(strength))
 
-    def miss(self, normal: Array) -> float:
-        """By how much N is too large at most, N: N^3 <= f_c u v; of pressing forces of units."""
+    def strengths(self, normal: Array) -> tuple[Array, Array]:
+        """N of all contacts and what they carry at most, (f_c u v)^(1/3), N, by pressing forces."""
         force, first, second = (self.resultants @ normal).reshape(-1, 3).T
         sides = np.maximum(force - np.abs([first, second]), 0.0)
-        return float(np.max(force - np.cbrt(self.strength * np.prod(sides, axis=0))))
+        return force, np.cbrt(self.strength * np.prod(sides, axis=0))
+
+    def miss(self, normal: Array) -> float:
+        """By how much N is too large at most, N: N^3 <= f_c u v; of pressing forces of units."""
+        force, most = self.strengths(normal)
+        return float(np.max(force - most))
 
 
 @dataclass(frozen=True)

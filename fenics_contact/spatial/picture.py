@@ -20,6 +20,7 @@ from fenics_contact.output.plotting import (
     BLACK,
     BLUE,
     DPI,
+    FORCE,
     GREEN,
     ORANGE,
     TINTS,
@@ -49,6 +50,7 @@ MARKS = {
     ContactState.SLIDES: (BLUE, "slides"),
     ContactState.ROCKS: (ORANGE, "opens along an edge"),
     ContactState.OPENS: (VERMILLION, "opens"),
+    ContactState.CRUSHES: (FORCE, "crushes"),
 }
 #: Two bodies overlap by less than this, over the structure's size.
 TOUCH = 2e-3

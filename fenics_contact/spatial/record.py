@@ -45,9 +45,9 @@ def write_result(
         start = time.perf_counter()
         if output.paraview and not hurry():
             write_fields(result, hidden)
-            write_viewer(result, hidden)
         if output.pictures and not hurry():
             draw_collapse(result, hidden, output.formats)
+            write_viewer(result, hidden)
         seconds = {**result.seconds, "write": time.perf_counter() - start}
         record = strict(result_record(replace(result, seconds=seconds)))
         record["files"] = sorted(path.name for path in hidden.iterdir())
@@ -145,8 +145,9 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
         areas = [float(contact.area) for contact, law in pairs if law.key == key]
         contacts.append({"group": key, "contacts": len(areas), "area": sum(areas)})
     groups = []
-    for group in dict.fromkeys(block.group for block in scene.blocks):
-        volumes = [float(block.volume) for block in scene.blocks if block.group == group]
+    moving = [block for block in scene.blocks if not block.fixed]
+    for group in dict.fromkeys(block.group for block in moving):
+        volumes = [float(block.volume) for block in moving if block.group == group]
         groups.append({"group": group, "blocks": len(volumes), "volume": sum(volumes)})
     ties = {
         name: {key_of(key): value for key, value in asdict(tie).items()}

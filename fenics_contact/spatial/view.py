@@ -14,6 +14,7 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import AMPLITUDE
 from fenics_contact.results.parts import AS_ONE
 from fenics_contact.results.wording import four
+from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.loads import GROUND
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
 from fenics_contact.spatial.structure import Structure
@@ -22,6 +23,8 @@ from fenics_contact.spatial.structure import Structure
 LONGEST_TITLE = 60
 #: Length of the live load's arrow, over the structure's size.
 PUSH = 0.16
+#: Contacts crush from this part of what they carry at most.
+CRUSHES = 0.99
 #: Of the largest friction bound: contacts with less carry nothing, and use nothing.
 NOTHING = 1e-6
 
@@ -33,6 +36,7 @@ class ContactState(IntEnum):
     SLIDES = 1
     ROCKS = 2
     OPENS = 3
+    CRUSHES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,4 +283,10 @@ class ContactValues:
         rocks = np.where(closing > least, ContactState.OPENS, ContactState.ROCKS)
         slides = np.where(largest(slip) > least, ContactState.SLIDES, ContactState.CLOSED)
         state = np.where(opening > least, rocks, slides)
+        strong = np.isfinite([law.compressive_strength for law in structure.laws])
+        if strong.any():
+            normal = np.append(force[:, 0], np.zeros(len(structure.bars)))
+            carried, most = Crushing.of(structure).strengths(normal)
+            crushes = (carried > CRUSHES * most) & (carried > NOTHING * carried.max())
+            state[strong] = np.where(crushes, ContactState.CRUSHES, state[strong])
         return cls(total(force[:, 0]) / area, shear / area, used, opening, largest(slip), state)

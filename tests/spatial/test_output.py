@@ -82,6 +82,18 @@ def test_contacts_know_what_they_do(tipping, sliding):
     assert slides.utilisation[1] == pytest.approx(1.0)
 
 
+def test_contacts_crush_at_their_strength(tipping):
+    """Under uniform pressure p: at f_c = p, and not at 1.1 p."""
+    count = len(tipping.structure.points.area)
+    force = np.zeros((count, 3))
+    force[:, 0] = 1.0  # at four corners of 1 m2: 4 Pa
+    for strength, crushes in ((4.0, True), (4.4, False)):
+        laws = (ContactLaw(0.5, compressive_strength=strength),) * 2
+        structure = replace(tipping.structure, laws=laws)
+        view = SpatialView.of(structure, SpatialCollapse("limit", 1.0, force=force))
+        assert (ContactState.CRUSHES in view.contacts.state) == crushes
+
+
 # ---- ParaView
 
 

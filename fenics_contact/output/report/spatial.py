@@ -108,7 +108,7 @@ def contacts(content: Content) -> Iterator[str]:
         for name, end in record["ends"].items()
         if end["mechanism"] and (does := end["mechanism"]["contacts"])
     ]
-    head = ("", "closed", "slide", "open along an edge", "open", "largest mean pressure")
+    head = ("", "closed", "slide", "open along an edge", "open", "crush", "largest mean pressure")
     yield table(motions, head, "What contacts do in the collapse")
 
 
