@@ -67,7 +67,7 @@ def test_report_of_a_wall(solved, monkeypatch, capsys):
         "At which horizontal acceleration of all masses does it collapse?",
         "The whole structure turns about its foot to",
         "torsion is not limited",
-        "1.2 m wide, 0.2 m deep and 1 m high",
+        "14, together 1.2 m wide, 0.2 m deep and 1 m high",
         "1 g sideways on all masses",
         "coefficient of friction 0.6",
         "yields at 0.2 kN",

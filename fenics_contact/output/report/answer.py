@@ -165,7 +165,8 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         if name in scene["size"]
     )
     size = f"{width} wide, {deep[0]} deep and" if deep else f"{width} wide and"
-    yield "blocks", f"{record['mesh']['bodies']}, together {size} {height} high"
+    count = record["mesh"]["floating_bodies" if deep else "bodies"]  # in space: without ground
+    yield "blocks", f"{count}, together {size} {height} high"
     if thickness := scene.get("thickness"):
         yield "thickness", f"{units.length(thickness)}; forces are those of all of it"
     elif not deep:

@@ -45,7 +45,8 @@ def turning(content: Content) -> Iterator[str]:
 def bounds(content: Content) -> Iterator[str]:
     """Load factor, what is proved of it, other states and tensions of ties, by direction."""
     units = content.units
-    yield heading("Load factors")
+    if content.record["ends"]:
+        yield heading("Load factors")
     for direction, end in content.record["ends"].items():
         yield heading(f"Load factor, {direction_words(direction)}", 3)
         if end["status"] != "limit":
