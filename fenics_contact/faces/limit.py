@@ -83,11 +83,15 @@ class FaceSearch:
         return self.best
 
     def from_best(self) -> None:
-        """The state of least gap for the mode of the best state, its load factor let free."""
-        if self.best is not None:
+        """States of least gap for modes of the best state, its load factor free, as gaps fall."""
+        gap = np.inf
+        while self.best is not None and self.best.gap < 0.9 * gap and not self.is_spent:
+            gap = self.best.gap
             self._check_stop()
             found = self._certifier.of(self.best.force)
             self._take("the best state", self.best.load_factor, found)
+            if self.is_found:
+                break
 
     def from_associative(self) -> None:
         """States with the strengths of the associative limit.
