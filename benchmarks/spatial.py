@@ -29,13 +29,12 @@ from benchmarks.peers.associative_sequence import cone_program
 from benchmarks.scenes import matching
 from benchmarks.worker import HOME, save
 from fenics_contact.errors import Stopped
-from fenics_contact.faces.certificate import FaceState
-from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial import builders
-from fenics_contact.spatial.limit import NEAR
+from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.result import SpatialCollapse
 from tests.bank import WALLS
 from tests.spatial.bank import Array, Pushed, barrel, towards
 
@@ -368,33 +367,25 @@ def measure(kind: str, name: str, scene: Pushed, law: str, share: float, most: f
             raise Stopped(f"more than {most:g} s")
 
     asked = SEARCH.gap * (1.0 if blocks < MANY else 5.0)
-    search = FaceSearch(model, asked, check_stop=in_time, near=NEAR)
-    status = "limit"
-    try:
-        search.run()
-    except Stopped:
-        status = "stopped"
-    seconds = time.process_time() - start
-    state = search.best
-    found = state is not None and state.gap <= SEARCH.rough_gap and state.load_factor > 0.0
-    if not found:
-        status = no_limit(model) or ("none" if status == "limit" else status)
+    found = collapse_of(structure, 1.0, asked, in_time)
     row: Row = dict.fromkeys(NAMES, "") | {
         "kind": kind,
         "scene": name,
         "law": law,
         "blocks": blocks,
         "contacts": len(structure.contacts),
-        "status": status,
-        "load_factor": np.nan if state is None else state.load_factor,
-        "gap": np.inf if state is None else state.gap,
-        "factorizations": search.equations.factorizations,
-        "seconds": round(seconds, 2),
-        "attempts": len(search.attempts),
+        "status": found.status,
+        "load_factor": found.load_factor,
+        "gap": found.gap,
+        "factorizations": found.factorizations,
+        "seconds": round(time.process_time() - start, 2),
+        "attempts": len(found.attempts),
     }
     drawn = np.random.default_rng(list((name + law).encode())).random()
-    if found and state is not None and drawn < share and model.shape[0] < 12000:
-        row["recomputed"] = recomputed(model, state)
+    if found.status in ("unstable", "unbounded"):
+        row["recomputed"] = "right" if no_limit(model) == found.status else "wrong: it has a limit"
+    elif found.status == "limit" and drawn < share and model.shape[0] < 12000:
+        row["recomputed"] = recomputed(model, found)
     return row
 
 
@@ -412,20 +403,22 @@ def no_limit(model: FaceModel) -> str:
     return "unbounded" if said == "DualInfeasible" else ""
 
 
-def recomputed(model: FaceModel, state: FaceState) -> str:
+def recomputed(model: FaceModel, found: SpatialCollapse) -> str:
     """What Clarabel says of a certificate: "right", or what is wrong."""
-    size = model.size(state.load_factor)
-    normal, shear = model.normal(state.force), np.linalg.norm(state.force[:, 1:], axis=1)
+    force, least = found.force, found.load_factor
+    assert force is not None
+    normal, shear = model.normal(force), np.linalg.norm(force[:, 1:], axis=1)
     beyond = (shear - model.strength - model.friction * normal).max() / model.force
-    missing = np.abs(model.missing(state.force, state.load_factor)).max() / model.force
+    missing = np.abs(model.missing(force, least)).max() / model.force
     outside = max(float(beyond), float(-normal.min()) / model.force)
     if missing > 1e-7 or outside > 1e-7:
         return f"wrong: equilibrium misses {missing:.1e}, the cone {outside:.1e}"
-    end, said = cone_limit(model, model.own_strength(state.force), model.dilatancy, state.sign)
-    low, high = sorted((state.load_factor, state.upper))
-    if low - 1e-5 * size <= end <= high + 1e-5 * size:
+    end, said = cone_limit(model, model.own_strength(force), model.dilatancy)
+    size = model.size(least)
+    most = least + found.gap * size
+    if least - 1e-5 * size <= end <= most + 1e-5 * size:
         return "right"
-    return f"wrong: {end:.7g} ({said}) is not in {low:.7g} ... {high:.7g}"
+    return f"wrong: {end:.7g} ({said}) is not in {least:.7g} ... {most:.7g}"
 
 
 def cone_limit(
