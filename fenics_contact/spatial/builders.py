@@ -9,20 +9,23 @@ Groups, for materials and joints: "walls", "lintels", "floors", "vault", "ground
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from itertools import pairwise
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from fenics_contact.errors import checked, require
+from fenics_contact.errors import InputError, checked, require
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 Blocks = tuple[Block, ...]
 Pair = tuple[float, float]
 Rows = Sequence[Sequence[float]]
-Intervals = list[tuple[float, float, str]]
+Interval = tuple[float, float, str]
+F = TypeVar("F", bound=Callable[..., Blocks])
 
 #: Length and height of a brick, m.
 BRICK = (0.4, 0.2)
@@ -33,12 +36,31 @@ GROUND = 0.2
 MARGIN = 0.5
 #: Angle that a springer takes of its arch, degrees.
 SPRINGER = 5.0
+#: Walls about a plan: their axis, 0 for x, and whether they are at the end of the other one.
+SIDES = {"south": (0, 0), "north": (0, 1), "west": (1, 0), "east": (1, 1)}
+#: Least difference of lengths, in parts of them.
+SAME = 1e-9
+
+
+def _builder(function: F) -> F:
+    """A function that refuses arguments of other types, and numbers that are not positive."""
+    of_types = checked(function)
+
+    @wraps(function)
+    def positive(**given: Any) -> Blocks:
+        for name, value in given.items():
+            is_number = isinstance(value, (int, float, np.number)) and value is not False
+            if is_number and value <= 0:
+                raise InputError(f"{name} = {value:g} must be positive")
+        return of_types(**given)
+
+    return cast(F, positive)
 
 
 # ---- walls
 
 
-@checked
+@_builder
 def wall(
     *, length: float, height: float, thickness: float, brick: Pair = BRICK, openings: Rows = ()
 ) -> Blocks:
@@ -55,14 +77,11 @@ def wall(
     Raises:
         InputError: If a length is not positive, or an opening does not fit.
     """
-    courses = _Courses.of(height, brick)
-    _check_positive(length=length, thickness=thickness)
-    made = courses.openings("openings", openings, 0.0, length)
-    side = _Side("wall", 0, (0.0, thickness), length, (0.0, 0.0), openings=made)
-    return courses.built([side], (length, thickness))
+    size = (("length", length), ("thickness", thickness))
+    return _masonry({"south": "wall"}, size, height, thickness, brick, openings)
 
 
-@checked
+@_builder
 def corner(
     *, length_x: float, length_y: float, height: float, thickness: float, brick: Pair = BRICK
 ) -> Blocks:
@@ -78,16 +97,11 @@ def corner(
     Raises:
         InputError: If a length is not positive, or shorter than the walls are thick.
     """
-    courses = _Courses.of(height, brick)
-    _check_longer("length_x", length_x, thickness=thickness)
-    _check_longer("length_y", length_y, thickness=thickness)
-    across = (0.0, thickness)
-    x_side = _Side("wall_x", 0, across, length_x, (0.0, thickness), (1, 0))
-    y_side = _Side("wall_y", 1, across, length_y, (thickness, 0.0), (1, 0))
-    return courses.built([x_side, y_side], (length_x, length_y))
+    size = (("length_x", length_x), ("length_y", length_y))
+    return _masonry({"south": "wall_x", "west": "wall_y"}, size, height, thickness, brick)
 
 
-@checked
+@_builder
 def facade(
     *,
     length: float,
@@ -112,19 +126,12 @@ def facade(
     Raises:
         InputError: See `wall`.
     """
-    courses = _Courses.of(height, brick)
-    _check_longer("length", length, thickness=2.0 * thickness)
-    _check_longer("side", side, thickness=thickness)
-    made = courses.openings("openings", openings, thickness, length - thickness)
-    front = _Side("facade", 0, (0.0, thickness), length, (0.0, thickness), openings=made)
-    sides = [
-        _Side(name, 1, (low, low + thickness), side, (thickness, 0.0), (1, 0))
-        for name, low in (("left", 0.0), ("right", length - thickness))
-    ]
-    return courses.built([front, *sides], (length, side))
+    size = (("length", length), ("side", side))
+    names = {"south": "facade", "west": "left", "east": "right"}
+    return _masonry(names, size, height, thickness, brick, openings)
 
 
-@checked
+@_builder
 def house(
     *,
     length: float,
@@ -153,48 +160,13 @@ def house(
     Raises:
         InputError: See `wall`; or if a floor is outside the walls, or cuts an opening.
     """
-    courses = _Courses.of(height, brick)
-    _check_counts(floor_strips=floor_strips)
-    _check_longer("length", length, thickness=2.0 * thickness)
-    _check_longer("width", width, thickness=2.0 * thickness)
-    lengths = {"south": length, "north": length, "west": width, "east": width}
+    size = (("length", length), ("width", width))
+    names = {side: side for side in SIDES}
     given = openings or {}
-    unknown = ", ".join(sorted(set(given) - set(lengths)))
-    require(not unknown, f"openings.{unknown}: the walls are south, north, west and east")
-    made = {
-        name: courses.openings(f"openings.{name}", rows, thickness, lengths[name] - thickness)
-        for name, rows in given.items()
-    }
-    floor_courses = [courses.floor(height, made) for height in floors]
-
-    def sides(deep: float, x_insets: Pair, y_insets: Pair) -> list[_Side]:
-        places = (
-            ("south", 0, (0.0, deep), x_insets),
-            ("north", 0, (width - deep, width), x_insets),
-            ("west", 1, (0.0, thickness), y_insets),
-            ("east", 1, (length - thickness, length), y_insets),
-        )
-        return [
-            _Side(name, axis, across, lengths[name], insets, openings=made.get(name, ()))
-            for name, axis, across, insets in places
-        ]
-
-    around = sides(thickness, (0.0, thickness), (thickness, 0.0))
-    deep = 0.5 * thickness
-    beside_floor = sides(deep, (0.0, 0.0), (deep, deep))
-    blocks = [_ground((0.0, 0.0), (length, width))]
-    for course in range(courses.count):
-        is_floor = course in floor_courses
-        blocks += courses.laid(course, beside_floor if is_floor else around)
-        low, high = course * courses.height, (course + 1) * courses.height
-        cuts = np.linspace(thickness, length - thickness, floor_strips + 1)
-        for number, (start, end) in enumerate(pairwise(cuts if is_floor else cuts[:0])):
-            name = f"floor_{course + 1}_{number + 1}"
-            blocks.append(_box((start, deep, low), (end, width - deep, high), name, "floors"))
-    return tuple(blocks)
+    return _masonry(names, size, height, thickness, brick, given, floors, floor_strips)
 
 
-@checked
+@_builder
 def tower(
     *,
     width: float,
@@ -220,17 +192,9 @@ def tower(
         InputError: See `house`; or if the top is wider than the ground.
     """
     top = width if top_width is None else top_width
-    _check_positive(top_width=top)
     require(top <= width, f"top_width = {top:g} must be at most width = {width:g}")
-    made = house(
-        length=width,
-        width=width,
-        height=height,
-        thickness=thickness,
-        brick=brick,
-        openings=openings,
-        floors=floors,
-    )
+    size = (("width", width), ("width", width))
+    names = {side: side for side in SIDES}
 
     def narrowed(block: Block) -> Block:
         corners = block.pieces[0].corners.copy()
@@ -238,10 +202,11 @@ def tower(
         corners[:, :2] = 0.5 * width + part * (corners[:, :2] - 0.5 * width)
         return Block((Polyhedron.hexahedron(corners),), block.name, block.group)
 
-    return tuple(block if block.fixed else narrowed(block) for block in made)
+    straight = _masonry(names, size, height, thickness, brick, openings or {}, floors)
+    return tuple(block if block.fixed else narrowed(block) for block in straight)
 
 
-@checked
+@_builder
 def extruded(*, courses: Rows, thickness: float, brick: Pair = BRICK) -> Blocks:
     """A wall from the courses of a planar one, along x.
 
@@ -253,26 +218,24 @@ def extruded(*, courses: Rows, thickness: float, brick: Pair = BRICK) -> Blocks:
     Raises:
         InputError: If there is no course, or a length is zero.
     """
-    _check_positive(brick_length=brick[0], brick_height=brick[1], thickness=thickness)
     good = len(courses) > 0 and all(len(course) and all(course) for course in courses)
     require(good, "courses must be lists of lengths that are not zero")
-    blocks: list[Block] = []
-    longest = 0.0
+    longest = brick[0] * max(np.abs(course).sum() for course in courses)
+    blocks = [_ground((0.0, 0.0), (longest, thickness))]
     for number, course in enumerate(courses):
-        ends = brick[0] * np.concatenate([[0.0], np.cumsum(np.abs(course))])
-        longest = max(longest, float(ends[-1]))
+        ends = brick[0] * np.cumsum([0.0, *np.abs(course)])
         low, high = number * brick[1], (number + 1) * brick[1]
         for place, (start, end) in enumerate(pairwise(ends)):
             if course[place] > 0.0:
                 name = f"wall_{number + 1}_{place + 1}"
                 blocks.append(_box((start, 0.0, low), (end, thickness, high), name, "walls"))
-    return (_ground((0.0, 0.0), (longest, thickness)), *blocks)
+    return tuple(blocks)
 
 
 # ---- vaults
 
 
-@checked
+@_builder
 def barrel_vault(
     *,
     span: float,
@@ -297,16 +260,14 @@ def barrel_vault(
     Raises:
         InputError: If a length or number is not positive, or the rise more than half of the span.
     """
-    arch = _Arch.of(span, rise, thickness, voussoirs)
-    blocks = list(arch.voussoirs(length, strips, bonded))
-    for name, end in (("left", 0), ("right", -1)):
-        beyond = arch.angles[end] + np.radians(SPRINGER) * (1.0 if end == 0 else -1.0)
-        quadrilateral = arch.quadrilateral(arch.angles[end], beyond)
-        blocks.append(_prism(quadrilateral, (0.0, length), f"springer_{name}", "ground", True))
+    joints = _joints(span, rise, thickness, voussoirs, springers=True)
+    blocks = _barrel(joints[1:-1], length, strips, bonded)
+    for name, ends in (("left", joints[:2]), ("right", joints[-2:])):
+        blocks.append(_prism(_between(*ends), (0.0, length), f"springer_{name}", "ground", True))
     return tuple(blocks)
 
 
-@checked
+@_builder
 def cross_vault(
     *, span: float, thickness: float, length: float, voussoirs: int, pieces: int = 2
 ) -> Blocks:
@@ -325,28 +286,24 @@ def cross_vault(
         InputError: If a length or number is not positive, the number of voussoirs is odd, or the
             barrels end before they cross.
     """
-    arch = _Arch.of(span, 0.5 * span, thickness, voussoirs)
-    _check_counts(pieces=pieces)
+    joints = _joints(span, 0.5 * span, thickness, voussoirs)
     require(voussoirs % 2 == 0, f"voussoirs = {voussoirs} must be even: a joint is at the crown")
-    _check_longer("length", length, thickness=span + 2.0 * thickness)
+    _check_more("length", length, span + 2.0 * thickness)
     half = 0.5 * length
     blocks = [_ground((-half, -half), (half, half))]
-    parts = np.linspace(0.0, 1.0, pieces + 1)
-    for number, (start, end) in enumerate(pairwise(arch.angles)):
-        x, z = arch.quadrilateral(start, end).T
-        for sign, y_name, x_name in ((-1.0, "south", "west"), (1.0, "north", "east")):
-            for piece, (low, high) in enumerate(pairwise(parts)):
-                ends = [sign * (np.abs(x) + part * (half - np.abs(x))) for part in (low, high)]
-                along_y = np.vstack([np.column_stack([x, y, z]) for y in ends])
-                along_x = along_y[:, [1, 0, 2]]
-                for name, corners in ((y_name, along_y), (x_name, along_x)):
-                    solid = Polyhedron.hexahedron(corners)
-                    title = f"{name}_{number + 1}_{piece + 1}"
-                    blocks.append(Block((solid,), title, "vault"))
+    webs = {"south": (-1, [0, 1]), "west": (-1, [1, 0]), "north": (1, [0, 1]), "east": (1, [1, 0])}
+    for number, ends in enumerate(pairwise(joints)):
+        x, z = _between(*ends).T
+        for piece, parts in enumerate(pairwise(np.linspace(0.0, 1.0, pieces + 1))):
+            along = [np.abs(x) + part * (half - np.abs(x)) for part in parts]
+            for name, (sign, axes) in webs.items():
+                corners = np.vstack([np.column_stack([x, sign * y, z]) for y in along])
+                solid = Polyhedron.hexahedron(corners[:, [*axes, 2]])
+                blocks.append(Block((solid,), f"{name}_{number + 1}_{piece + 1}", "vault"))
     return tuple(blocks)
 
 
-@checked
+@_builder
 def dome(
     *,
     radius: float,
@@ -376,54 +333,39 @@ def dome(
     Raises:
         InputError: If a length or number is not positive, or the opening is wider than the dome.
     """
-    _check_positive(radius=radius, thickness=thickness, embrace=embrace)
-    _check_counts(rings=rings)
     require(meridians >= 3, f"meridians = {meridians} must be at least 3")
-    require(thickness < radius, f"thickness = {thickness:g} must be less than radius = {radius:g}")
     require(embrace <= 90.0, f"embrace = {embrace:g} must be at most 90 degrees")
+    _check_more("radius", radius, thickness)
     opening = radius * np.sin(np.radians(5.0)) if oculus is None else oculus
-    _check_positive(oculus=opening)
     widest = radius * np.sin(np.radians(embrace))
     require(opening < widest, f"oculus = {opening:g} must be less than {widest:g}, the dome's own")
-    crown = np.arcsin(opening / radius)
-    beds = np.linspace(np.radians(embrace), crown, rings + 1)
-    azimuths = np.linspace(0.0, 2.0 * np.pi, 2 * meridians + 1)  # of halves of blocks
-    if not bonded:
-        azimuths = azimuths[::2]
-    height = radius * np.cos(beds[0])
-    shell = (radius - 0.5 * thickness, radius + 0.5 * thickness)
-
-    def corner_at(distance: float, bed: float, azimuth: float) -> list[float]:
-        across = distance * np.sin(bed)
-        up = distance * np.cos(bed) - height
-        return [across * np.cos(azimuth), across * np.sin(azimuth), up]
-
-    def cell(low: float, high: float, column: int) -> Polyhedron:
-        sides = azimuths[column % (len(azimuths) - 1) :][:2]
-        profile = [(shell[0], low), (shell[1], low), (shell[1], high), (shell[0], high)]
-        return Polyhedron.hexahedron(
-            np.array([corner_at(*at, azimuth) for azimuth in sides for at in profile])
-        )
-
-    ground = beds[0] + np.radians(SPRINGER)
+    foot = np.radians(embrace)
+    beds = np.linspace(foot, np.arcsin(opening / radius), rings + 1)
+    beds = np.array([foot + np.radians(SPRINGER), *beds])[:, None]
+    halves = 2 if bonded else 1  # pieces of a block
+    azimuths = np.linspace(0.0, 2.0 * np.pi, halves * meridians + 1)[:-1]
+    shell = np.array([radius - 0.5 * thickness, radius + 0.5 * thickness])[:, None, None]
+    x, y = shell * np.sin(beds) * np.cos(azimuths), shell * np.sin(beds) * np.sin(azimuths)
+    z = shell * np.cos(beds) - radius * np.cos(foot)
+    points = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
     blocks = []
-    for number, (low, high) in enumerate(pairwise([ground, *beds])):
-        fixed = number == 0
+    for ring in range(rings + 1):
+        fixed = ring == 0
+        loops = points[[0, 1, 1, 0], [ring, ring, ring + 1, ring + 1]]
+        cells = np.concatenate([loops, np.roll(loops, -1, axis=1)])
+        first = ring % halves
         for column in range(meridians):
-            columns = [column]
-            if bonded:
-                first = 2 * column + number % 2
-                columns = [first, first + 1]
-            solids = tuple(cell(low, high, place) for place in columns)
-            name = f"springer_{column + 1}" if fixed else f"ring_{number}_{column + 1}"
+            places = [(halves * column + first + k) % len(azimuths) for k in range(halves)]
+            solids = tuple(Polyhedron.hexahedron(cells[:, place]) for place in places)
+            name = f"springer_{column + 1}" if fixed else f"ring_{ring}_{column + 1}"
             blocks.append(Block(solids, name, "ground" if fixed else "vault", fixed))
     if keystone:
-        loops = [[corner_at(r, crown, azimuth) for azimuth in azimuths[:-1]] for r in shell]
-        blocks.append(Block((_frustum(*loops),), "keystone", "vault"))
+        solid = Polyhedron.hull(points[:, -1].reshape(-1, 3))
+        blocks.append(Block((solid,), "keystone", "vault"))
     return tuple(blocks)
 
 
-@checked
+@_builder
 def bridge(
     *,
     span: float,
@@ -457,31 +399,23 @@ def bridge(
         InputError: If a length or number is not positive, the walls are lower than the crown, or
             thicker than half of the bridge.
     """
-    arch = _Arch.of(span, rise, thickness, voussoirs)
-    _check_positive(width=width, spandrel=spandrel, abutment=abutment)
-    _check_counts(courses=courses)
-    crown = rise + thickness
-    require(height > crown, f"height = {height:g} must be more than rise + thickness = {crown:g}")
-    half = f"spandrel = {spandrel:g} must be less than half of width = {width:g}"
-    require(2.0 * spandrel < width, half)
-    blocks = list(arch.voussoirs(width, strips, True))
-    edges = (("near", (0.0, spandrel)), ("far", (width - spandrel, width)))
-    for number, (start, end) in enumerate(pairwise(arch.angles)):
-        _, _, right, left = arch.quadrilateral(end, start)  # of the extrados
+    joints = _joints(span, rise, thickness, voussoirs)
+    _check_more("height", height, rise + thickness)
+    _check_more("width", width, 2.0 * spandrel)
+    blocks = _barrel(joints, width, strips, True)
+    edges = {"near": (0.0, spandrel), "far": (width - spandrel, width)}
+    for number, (left, right) in enumerate(pairwise(joints[:, 1])):  # of the extrados
         levels = np.linspace(max(left[1], right[1]), height, courses + 1)
-        for course, top in enumerate(levels[1:]):
-            floor = levels[course] if course else None
-            bottom = [point if floor is None else (point[0], floor) for point in (left, right)]
-            loop = [*bottom, (right[0], top), (left[0], top)]
-            for name, edge in edges:
+        beds = [[(left[0], level), (right[0], level)] for level in levels]
+        beds[0] = [left, right]
+        for course, (bottom, top) in enumerate(pairwise(beds)):
+            for name, edge in edges.items():
                 title = f"spandrel_{name}_{number + 1}_{course + 1}"
-                blocks.append(_prism(loop, edge, title, "walls"))
-    for name, end, sign in (("left", 0, -1.0), ("right", -1, 1.0)):
-        inner, outer = (arch.at(r, arch.angles[end]) for r in (arch.inner, arch.outer))
-        foot = inner[1] - thickness
-        far = outer[0] + sign * abutment
-        below = [inner, outer, (outer[0], foot), (inner[0], foot)]
-        beside = [(outer[0], foot), (far, foot), (far, height), (outer[0], height)]
+                blocks.append(_prism([*bottom, *top[::-1]], edge, title, "walls"))
+    for name, (inner, outer) in (("left", joints[0]), ("right", joints[-1])):
+        far = outer[0] + np.copysign(abutment, outer[0])
+        below = [inner, outer, (outer[0], -thickness), (inner[0], -thickness)]
+        beside = [(outer[0], -thickness), (far, -thickness), (far, height), (outer[0], height)]
         solids = [_prism(loop, (0.0, width), "", "").pieces[0] for loop in (below, beside)]
         blocks.append(Block(tuple(solids), f"abutment_{name}", "ground", True))
     return tuple(blocks)
@@ -490,229 +424,191 @@ def bridge(
 # ---- courses of bricks
 
 
-@dataclass(frozen=True)
-class _Opening:
-    """A hole from one course to before another, over which its lintel lies."""
+def _masonry(
+    names: Mapping[str, str],
+    size: Sequence[tuple[str, float]],
+    height: float,
+    thickness: float,
+    brick: Pair,
+    openings: Rows | Mapping[str, Rows] = (),
+    floors: Sequence[float] = (),
+    floor_strips: int = 1,
+) -> Blocks:
+    """Walls about a plan, toothed where they meet, on the ground.
 
-    start: float
-    end: float
-    first: int
-    lintel: int
+    Walls along x run through in even courses, those along y in odd ones. Beside a floor, walls
+    along x run through, in half of their thickness.
 
-
-@dataclass(frozen=True)
-class _Side:
-    """A straight run of wall.
-
-    Attributes:
-        name: Of the wall.
-        axis: 0 along x, 1 along y.
-        across: Its faces.
-        length: From the outer edge.
-        insets: What walls that it meets take of its ends, in even and in odd courses.
-        meets: At its start, at its end: 0 or 1.
-        openings: In it.
+    Args:
+        names: Of the walls, by their sides of the plan.
+        size: Of the plan, along x and y, with what messages call it.
+        height: See `wall`.
+        thickness: Of all walls.
+        brick: See `wall`.
+        openings: See `wall`, in its only wall along x; or see `house`.
+        floors: See `house`.
+        floor_strips: Blocks of a floor.
     """
+    require(min(brick) > 0.0, f"brick = {list(brick)} must be positive")
+    count = max(round(height / brick[1]), 1)
+    rise = height / count
+    plan = (size[0][1], size[1][1])
+    walls = {SIDES[side] for side in names}
 
-    name: str
-    axis: int
-    across: Pair
-    length: float
-    insets: Pair
-    meets: tuple[int, int] = (1, 1)
-    openings: tuple[_Opening, ...] = ()
+    def ends(axis: int, inset: float) -> Pair:
+        start, end = (inset * ((1 - axis, end) in walls) for end in (0, 1))
+        return start, plan[axis] - end
+
+    for axis, _ in walls:
+        low, high = ends(axis, thickness)
+        _check_more(*size[axis], low + plan[axis] - high)
+    given = openings if isinstance(openings, Mapping) else {"south": openings}
+    unknown = ", ".join(sorted(set(given) - set(names)))
+    require(not unknown, f"openings.{unknown}: the walls are south, north, west and east")
+    taken = {}
+    for side, rows in given.items():
+        key = f"openings.{side}" if given is openings else "openings"
+        taken[side] = _openings(key, rows, ends(SIDES[side][0], thickness), count, rise, brick[0])
+    floor_courses = [round(level / rise) for level in floors]
+    for level, course in zip(floors, floor_courses, strict=True):
+        text = f"floors: {level:g} must be between {rise:g} and {height - rise:g}, the last course"
+        require(1 <= course < count, text)
+        for side, courses in taken.items():
+            text = f"floors: {level:g} is in an opening of {side} or in its lintel"
+            require(course not in courses, text)
+    blocks = [_ground((0.0, 0.0), plan)]
+    for course in range(count):
+        low, high = course * rise, (course + 1) * rise
+        is_floor = course in floor_courses
+        deep = 0.5 * thickness if is_floor else thickness
+        through = 0 if is_floor else course % 2
+        for side, name in names.items():
+            axis, far = SIDES[side]
+            across = thickness if axis else deep
+            near = far * (plan[1 - axis] - across)
+            run = ends(axis, 0.0 if axis == through else deep)
+            cut = taken.get(side, {}).get(course, [])
+            bricks = _bricks(run, cut, brick[0], (course + axis) % 2)
+            for number, (start, end, group) in enumerate(bricks):
+                corners = np.array([[start, near, low], [end, near + across, high]])
+                lowest, highest = corners[:, [1, 0, 2]] if axis else corners
+                title = f"{name}_{course + 1}_{number + 1}"
+                blocks.append(_box(lowest, highest, title, group))
+        cuts = np.linspace(thickness, plan[0] - thickness, floor_strips * is_floor + 1)
+        for number, (start, end) in enumerate(pairwise(cuts)):
+            name = f"floor_{course + 1}_{number + 1}"
+            blocks.append(_box((start, deep, low), (end, plan[1] - deep, high), name, "floors"))
+    return tuple(blocks)
 
 
-@dataclass(frozen=True)
-class _Courses:
-    """Courses of bricks: their number and height, and the length of a brick."""
+def _openings(
+    key: str, rows: Rows, ends: Pair, count: int, rise: float, brick: float
+) -> dict[int, list[Interval]]:
+    """What openings and lintels take of courses, each between piers of half a brick."""
+    taken: dict[int, list[Interval]] = defaultdict(list)
+    least, most = ends[0] + 0.5 * brick, ends[1] - 0.5 * brick
+    room = (count - 1) * rise
+    for number, row in enumerate(rows):
+        name = f"{key}[{number}]"
+        require(len(row) == 4, f"{name} must be [from, to, bottom, top]")
+        start, end, bottom, top = row
+        require(start < end, f"{name}: from = {start:g} must be less than to = {end:g}")
+        within = least - SAME * brick <= start and end <= most + SAME * brick
+        require(within, f"{name} must be between {least:g} and {most:g}, half a brick from ends")
+        first, lintel = round(bottom / rise), round(top / rise)
+        text = f"bottom = {bottom:g} and top = {top:g} must be between 0 and {room:g}"
+        fits = 0 <= first < lintel < count
+        require(fits, f"{name}: {text}, a course of {rise:g} apart; a lintel lies above")
+        for course in range(first, lintel + 1):
+            apart = [max(start - b, a - end) for a, b, _ in taken[course]]
+            beside = min(apart, default=brick) > (1.0 - 2.0 * SAME) * brick
+            require(beside, f"{name} is less than a brick away from another opening")
+            taken[course].append((start, end, "lintels" if course == lintel else ""))
+    return taken
 
-    count: int
-    height: float
-    brick: float
 
-    @classmethod
-    def of(cls, height: float, brick: Pair) -> _Courses:
-        """Whole courses that fill a height."""
-        _check_positive(height=height, brick_length=brick[0], brick_height=brick[1])
-        count = max(round(height / brick[1]), 1)
-        return cls(count, height / count, brick[0])
+def _bricks(ends: Pair, taken: Sequence[Interval], brick: float, half: int) -> list[Interval]:
+    """Ends and groups of bricks and lintels along a run of wall, in order.
 
-    def built(self, sides: Sequence[_Side], size: Pair) -> Blocks:
-        """All courses of some walls, on the ground."""
-        blocks = [_ground((0.0, 0.0), size)]
-        for course in range(self.count):
-            blocks += self.laid(course, sides)
-        return tuple(blocks)
-
-    def laid(self, course: int, sides: Sequence[_Side]) -> Iterator[Block]:
-        """Bricks of a course; vertical joints are half a brick away from those below."""
-        low, high = course * self.height, (course + 1) * self.height
-        for side in sides:
-            half = (course + side.axis) % 2
-            for number, (start, end, group) in enumerate(self._bricks(course, side, half)):
-                corners = np.array([[start, side.across[0]], [end, side.across[1]]])
-                near, far = corners[:, ::-1] if side.axis else corners
-                name = f"{side.name}_{course + 1}_{number + 1}"
-                yield _box((*near, low), (*far, high), name, group)
-
-    def _bricks(self, course: int, side: _Side, half: int) -> Intervals:
-        """Ends and groups of bricks along a side, in order."""
-        inset = side.insets[course % 2]
-        start, end = inset * side.meets[0], side.length - inset * side.meets[1]
-        rests = 0.5 * self.brick
-        taken: Intervals = []
-        for opening in side.openings:
-            if opening.first <= course < opening.lintel:
-                taken.append((opening.start, opening.end, ""))
-            elif course == opening.lintel:
-                ends = max(opening.start - rests, start), min(opening.end + rests, end)
-                taken.append((*ends, "lintels"))
-        bricks = [interval for interval in taken if interval[2]]
-        around = sorted([(start, start, ""), *taken, (end, end, "")])
-        least = (LEAST_PIECE - 1e-9) * self.brick
-        for (_, low, _), (high, _, _) in pairwise(around):
-            joints = self.brick * (np.arange(np.ceil(side.length / self.brick)) + 0.5 * half)
-            inside = joints[(joints - low > least) & (high - joints > least)]
-            if high - low > 1e-9 * self.brick:
-                bricks += [(float(a), float(b), "walls") for a, b in pairwise([low, *inside, high])]
-        return sorted(bricks)
-
-    def openings(self, key: str, rows: Rows, low: float, high: float) -> tuple[_Opening, ...]:
-        """Openings between two walls, each between piers of half a brick, below a lintel."""
-        pier = (0.5 - 1e-9) * self.brick
-        made: list[_Opening] = []
-        for number, row in enumerate(rows):
-            name = f"{key}[{number}]"
-            require(len(row) == 4, f"{name} must be [from, to, bottom, top]")
-            start, end, bottom, top = row
-            first, lintel = round(bottom / self.height), round(top / self.height)
-            require(start < end, f"{name}: from = {start:g} must be less than to = {end:g}")
-            within = low + pier <= start and end <= high - pier
-            least, most = low + 0.5 * self.brick, high - 0.5 * self.brick
-            require(
-                within, f"{name} must be between {least:g} and {most:g}, half a brick from ends"
-            )
-            room = (self.count - 1) * self.height
-            text = f"bottom = {bottom:g} and top = {top:g} must be between 0 and {room:g}"
-            fits = 0 <= first < lintel < self.count
-            require(fits, f"{name}: {text}, a course of {self.height:g} apart; a lintel lies above")
-            for other in made:
-                beside = max(start - other.end, other.start - end) > 2.0 * pier
-                above = first > other.lintel or other.first > lintel
-                require(beside or above, f"{name} is less than a brick away from another opening")
-            made.append(_Opening(start, end, first, lintel))
-        return tuple(made)
-
-    def floor(self, height: float, openings: Mapping[str, Sequence[_Opening]]) -> int:
-        """The course of a floor."""
-        course = round(height / self.height)
-        top = (self.count - 1) * self.height
-        text = f"floors: {height:g} must be between {self.height:g} and {top:g}, the last course"
-        require(1 <= course < self.count, text)
-        for name, holes in openings.items():
-            cut = any(hole.first <= course <= hole.lintel for hole in holes)
-            require(not cut, f"floors: {height:g} is in an opening of {name} or in its lintel")
-        return course
+    Vertical joints are half a brick away from those of the other courses; lintels rest on as much.
+    """
+    start, end = ends
+    cuts = [(start, start, ""), (end, end, "")]
+    for low, high, group in taken:
+        rest = 0.5 * brick if group else 0.0
+        cuts.append((max(low - rest, start), min(high + rest, end), group))
+    bricks = [cut for cut in cuts if cut[2]]
+    least = (LEAST_PIECE - SAME) * brick
+    joints = brick * (np.arange(np.ceil(end / brick)) + 0.5 * half)
+    for (_, low, _), (high, _, _) in pairwise(sorted(cuts)):
+        inside = joints[(joints - low > least) & (high - joints > least)]
+        if high - low > SAME * brick:
+            bricks += [(float(a), float(b), "walls") for a, b in pairwise([low, *inside, high])]
+    return sorted(bricks)
 
 
 # ---- arches
 
 
-@dataclass(frozen=True)
-class _Arch:
-    """A circular ring in the plane of x and z, its intrados springing from z = 0.
+def _joints(
+    span: float, rise: float, thickness: float, voussoirs: int, springers: bool = False
+) -> Array:
+    """Joints of a circular ring, from the left; its intrados springs from z = 0.
 
-    Attributes:
-        inner: Radius of the intrados.
-        outer: That of the extrados.
-        centre: Height of the centre.
-        angles: Of the joints, from the left, about the centre.
+    Returns:
+        x and z on the intrados and on the extrados, m, shape (joints, 2, 2); with springers, the
+        first and last joints are their feet.
     """
-
-    inner: float
-    outer: float
-    centre: float
-    angles: Array
-
-    @classmethod
-    def of(cls, span: float, rise: float, thickness: float, voussoirs: int) -> _Arch:
-        """A ring of some rise."""
-        _check_positive(span=span, rise=rise, thickness=thickness)
-        _check_counts(voussoirs=voussoirs)
-        most = 0.5 * span
-        require(rise <= most * (1.0 + 1e-9), f"rise = {rise:g} must be at most span / 2 = {most:g}")
-        inner = (most**2 + rise**2) / (2.0 * rise)
-        springing = np.arctan2(inner - rise, most)
-        angles = np.linspace(np.pi - springing, springing, voussoirs + 1)
-        return cls(inner, inner + thickness, rise - inner, angles)
-
-    def at(self, radius: float, angle: float) -> tuple[float, float]:
-        """Coordinates x and z."""
-        return radius * np.cos(angle), self.centre + radius * np.sin(angle)
-
-    def quadrilateral(self, start: float, end: float) -> Array:
-        """Corners of a voussoir between two joints, inside first, shape (4, 2)."""
-        radii = self.inner, self.inner, self.outer, self.outer
-        angles = start, end, end, start
-        return np.array([self.at(*both) for both in zip(radii, angles, strict=True)])
-
-    def voussoirs(self, length: float, strips: int, bonded: bool) -> Iterator[Block]:
-        """Blocks of a barrel from y = 0, in strips."""
-        _check_positive(length=length)
-        _check_counts(strips=strips)
-        whole = np.linspace(0.0, length, strips + 1)
-        shifted = np.concatenate([[0.0], 0.5 * (whole[1:] + whole[:-1]), [length]])
-        for number, (start, end) in enumerate(pairwise(self.angles)):
-            loop = self.quadrilateral(start, end)
-            cuts = shifted if bonded and strips > 1 and number % 2 else whole
-            for strip, along in enumerate(pairwise(cuts)):
-                yield _prism(loop, along, f"voussoir_{number + 1}_{strip + 1}", "vault")
+    half = 0.5 * span
+    require(rise <= half * (1.0 + SAME), f"rise = {rise:g} must be at most span / 2 = {half:g}")
+    inner = (half**2 + rise**2) / (2.0 * rise)
+    springing = np.arctan2(inner - rise, half)
+    angles = np.linspace(np.pi - springing, springing, voussoirs + 1)
+    if springers:
+        foot = springing - np.radians(SPRINGER)
+        angles = np.array([np.pi - foot, *angles, foot])
+    rays = np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.stack([r * rays + [0.0, rise - inner] for r in (inner, inner + thickness)], axis=1)
 
 
-# ---- blocks, and checks of lengths
+def _between(one: Array, two: Array) -> Array:
+    """Corners of a voussoir between two joints, in x and z, shape (4, 2)."""
+    return np.array([one[0], two[0], two[1], one[1]])
 
 
-def _box(low: Sequence[float], high: Sequence[float], name: str, group: str) -> Block:
+def _barrel(joints: Array, length: float, strips: int, bonded: bool) -> list[Block]:
+    """Blocks of a barrel from y = 0, in strips."""
+    whole = np.linspace(0.0, length, strips + 1)
+    shifted = np.array([0.0, *(0.5 * (whole[1:] + whole[:-1])), length])
+    blocks = []
+    for number, ends in enumerate(pairwise(joints)):
+        cuts = shifted if bonded and strips > 1 and number % 2 else whole
+        for strip, along in enumerate(pairwise(cuts)):
+            name = f"voussoir_{number + 1}_{strip + 1}"
+            blocks.append(_prism(_between(*ends), along, name, "vault"))
+    return blocks
+
+
+# ---- blocks, and a check of lengths
+
+
+def _box(low: Any, high: Any, name: str, group: str, fixed: bool = False) -> Block:
     """A block along the axes."""
-    return Block((Polyhedron.box(np.array(low), np.array(high)),), name, group)
+    return Block((Polyhedron.box(low, high),), name, group, fixed)
 
 
-def _prism(loop: Rows | Array, along: Pair, name: str, group: str, fixed: bool = False) -> Block:
+def _prism(loop: Any, along: Pair, name: str, group: str, fixed: bool = False) -> Block:
     """A block over a quadrilateral in x and z, between two y."""
     corners = np.array([[x, y, z] for y in along for x, z in loop])
     return Block((Polyhedron.hexahedron(corners),), name, group, fixed)
 
 
-def _frustum(bottom: Rows, top: Rows) -> Polyhedron:
-    """A body between two loops of as many corners, both counterclockwise seen from above."""
-    count = len(bottom)
-    sides = [tuple(range(count))[::-1], tuple(range(count, 2 * count))]
-    for k in range(count):
-        following = (k + 1) % count
-        sides.append((k, following, count + following, count + k))
-    return Polyhedron(np.array([*bottom, *top]), tuple(sides))
-
-
 def _ground(low: Pair, high: Pair) -> Block:
     """A fixed block below z = 0, with a margin around a plan."""
-    bottom = [low[0] - MARGIN, low[1] - MARGIN, -GROUND]
-    top = [high[0] + MARGIN, high[1] + MARGIN, 0.0]
-    return Block((Polyhedron.box(np.array(bottom), np.array(top)),), "ground", "ground", True)
+    bottom = (low[0] - MARGIN, low[1] - MARGIN, -GROUND)
+    return _box(bottom, (high[0] + MARGIN, high[1] + MARGIN, 0.0), "ground", "ground", True)
 
 
-def _check_positive(**lengths: float) -> None:
-    for name, length in lengths.items():
-        require(length > 0.0, f"{name} = {length:g} must be positive")
-
-
-def _check_counts(**counts: int) -> None:
-    for name, count in counts.items():
-        require(count >= 1, f"{name} = {count} must be at least 1")
-
-
-def _check_longer(name: str, length: float, thickness: float) -> None:
-    _check_positive(thickness=thickness)
-    require(
-        length > thickness * (1.0 + 1e-9), f"{name} = {length:g} must be more than {thickness:g}"
-    )
+def _check_more(name: str, length: float, least: float) -> None:
+    """Refuse a length that is not more than another one."""
+    require(length > least * (1.0 + SAME), f"{name} = {length:g} must be more than {least:g}")

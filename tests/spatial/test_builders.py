@@ -118,8 +118,8 @@ def test_courses_fill_the_height_and_lintels_bear_on_half_a_brick():
 
 
 def test_dome_fills_its_rings():
-    """Rings of a hemisphere with 96 sides: the shell's volume from 5 degrees, less 1 %."""
-    blocks = builders.dome(radius=1.0, thickness=0.1, meridians=96, rings=24)
+    """Rings of a hemisphere with 48 sides: the shell's volume from 5 degrees, less 1 %."""
+    blocks = builders.dome(radius=1.0, thickness=0.1, meridians=48, rings=12)
     shell = 2.0 * np.pi / 3.0 * (1.05**3 - 0.95**3) * np.cos(np.radians(5.0))
     assert volume(blocks) == pytest.approx(shell, rel=0.01)
     closed = builders.dome(**DOME, keystone=True)[-1]
@@ -148,14 +148,14 @@ def test_dome_fills_its_rings():
         ("house", {"floors": [2.4]}, "2.4 must be between 0.2 and 2.2, the last course"),
         ("tower", {"top_width": 4.0}, "top_width = 4 must be at most width = 3"),
         ("barrel_vault", {"rise": 1.1}, "rise = 1.1 must be at most span / 2 = 1"),
-        ("barrel_vault", {"voussoirs": 0}, "voussoirs = 0 must be at least 1"),
+        ("barrel_vault", {"voussoirs": 0}, "voussoirs = 0 must be positive"),
         ("cross_vault", {"voussoirs": 15}, "voussoirs = 15 must be even"),
         ("cross_vault", {"length": 2.0}, "length = 2 must be more than 2.15"),
         ("dome", {"meridians": 2}, "meridians = 2 must be at least 3"),
         ("dome", {"embrace": 120.0}, "embrace = 120 must be at most 90"),
         ("dome", {"oculus": 1.0}, "oculus = 1 must be less than 1"),
-        ("bridge", {"height": 1.2}, "height = 1.2 must be more than rise"),
-        ("bridge", {"spandrel": 1.0}, "spandrel = 1 must be less than half of width"),
+        ("bridge", {"height": 1.2}, "height = 1.2 must be more than 1.5"),
+        ("bridge", {"spandrel": 1.0}, "width = 2 must be more than 2"),
         ("extruded", {"courses": [[1, 0]]}, "courses must be lists of lengths that are not zero"),
     ],
 )
