@@ -247,6 +247,7 @@ def drawing_order(hides: Array, depth: Array) -> Indices:
     while len(order) < len(depth):
         if not ready:
             left = np.flatnonzero(~drawn)
+            left = left[_in_circles(hides[np.ix_(left, left)])]
             ready = [(0.0, int(left[np.argmin(depth[left])]))]
         body = heappop(ready)[1]
         drawn[body] = True
@@ -256,6 +257,16 @@ def drawing_order(hides: Array, depth: Array) -> Indices:
             if behind[other] == 0:
                 heappush(ready, (depth[other], int(other)))
     return np.array(order)
+
+
+def _in_circles(hides: Array) -> Array:
+    """Whether bodies hide none but those that hide them, too, in a circle, shape (bodies,)."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    circle = connected_components(csr_matrix(hides), connection="strong")[1]
+    behind, before = circle[np.array(np.nonzero(hides))]
+    return np.asarray(~np.isin(circle, before[behind != before]))
 
 
 def _marks(view: SpatialView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
