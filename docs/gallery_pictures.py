@@ -1,6 +1,7 @@
 """Small copies, in docs/gallery, of the pictures of demos/output that docs/gallery.md shows.
 
-Those in docs/gallery/page_1 are made here: page 1 of the report on structures of tests/eight.py.
+Those in docs/gallery/page_1 are made here: page 1 of the report on structures of tests/eight.py. Of
+structures in space the oblique view is shown.
 """
 
 import re
@@ -9,6 +10,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from PIL import Image
 
 from fenics_contact import limit_load
@@ -16,6 +18,8 @@ from fenics_contact.output.report.page import write_report
 
 DOCS = Path(__file__).resolve().parent
 WIDTH, COLOURS = 680, 128  # pixels; for small files
+
+SPACE, SPACE_COLOURS = 320, 24  # pixels of structures in space
 
 PAGE, PAGE_COLOURS = 440, 16  # pixels of page 1
 
@@ -35,17 +39,32 @@ def first_page(name: str) -> Image.Image:
         return page.render(scale=2.0).to_pil().convert("RGB")
 
 
+def oblique_view(picture: Image.Image) -> Image.Image:
+    """The last of three views of a structure in space, without titles and legend."""
+    low = picture.height // 8  # below the titles
+    dark = np.asarray(picture.convert("L"))[low:] < 250
+    columns = np.flatnonzero(dark[: 6 * low].any(axis=0))  # above the legend
+    left = columns[np.flatnonzero(np.diff(columns) > 6)[-1] + 1]
+    rows = np.flatnonzero(dark[:, left:].any(axis=1))
+    gaps = np.flatnonzero(np.diff(rows) > 4)
+    bands = np.split(rows, gaps + 1)
+    largest = max(bands, key=len)
+    return picture.crop((left, low + largest[0], columns[-1] + 1, low + largest[-1] + 1))
+
+
 shutil.rmtree(DOCS / "gallery", ignore_errors=True)
 for name in re.findall(r"!\[[^]]*\]\(gallery/([^)]+)\)", (DOCS / "gallery.md").read_text()):
     folder, _, stem = name.removesuffix(".png").rpartition("/")
-    page = folder == "page_1"
-    if page:
+    if folder == "page_1":
         picture = first_page(stem.replace("_", " "))
         picture.thumbnail((PAGE, 2 * PAGE))
+        colours = PAGE_COLOURS
     else:
         picture = Image.open(DOCS.parent / "demos" / "output" / name).convert("RGB")
-        picture.thumbnail((WIDTH, WIDTH))
-    colours = PAGE_COLOURS if page else COLOURS
+        space = folder.startswith("builders")
+        picture = oblique_view(picture) if space else picture
+        picture.thumbnail((SPACE, SPACE) if space else (WIDTH, WIDTH))
+        colours = SPACE_COLOURS if space else COLOURS
     target = DOCS / "gallery" / name
     target.parent.mkdir(parents=True, exist_ok=True)
     # A step of k-means: without it shades of one colour are drawn as others.
