@@ -11,7 +11,6 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.surfaces import Surface, blocks_of
 
-#: Bytes of a file, and faces in it; 2 000 blocks have less than a tenth of them.
-LARGEST_FILE = 200_000_000
+#: Faces in a file; 2 000 blocks have less than a tenth of them.
 MOST_FACES = 500_000
 #: Attributes that make a block of COMPAS ground.
 GROUND = ("is_support", "is_fixed")
@@ -79,58 +77,50 @@ def _surfaces(path: Path, unit: str | None) -> list[Surface]:
     """Surfaces of a file, in m."""
     source = f"'{path}'"
     try:
-        size = path.stat().st_size
-        text = f"{source} has {size} bytes; a file of blocks has at most {LARGEST_FILE}"
-        require(0 < size <= LARGEST_FILE, text if size else f"{source} is empty; save it again")
-        with np.errstate(all="ignore"):
-            surfaces = list(READERS[path.suffix.lower()](path, unit))
+        require(path.stat().st_size > 0, f"{source} is empty; save it again")
+        scale = 1.0 if path.suffix.lower() == ".dxf" else UNITS[unit or "m"]
+        surfaces = [
+            replace(s, faces=[scale * np.array(f, float).reshape(len(f), 3) for f in s.faces])
+            for s in READERS[path.suffix.lower()](path, unit)
+        ]
     except OSError as error:
         raise InputError(f"{source} cannot be read: {error.strerror or error}") from None
     except DAMAGED as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(f"{source} is damaged ({reason}); save it again") from None
-    count = sum(len(surface.loops) for surface in surfaces)
+    count = sum(len(surface.faces) for surface in surfaces)
     require(count > 0, f"{source} has no faces; save the blocks as meshes")
     require(count <= MOST_FACES, f"{source} has {count} faces; at most {MOST_FACES} are read")
-    scale = 1.0 if path.suffix.lower() == ".dxf" else UNITS[unit or "m"]
-    return [replace(surface, points=surface.points * scale) for surface in surfaces]
-
-
-def _surface(name: str, faces: Any, group: str = "default") -> Surface:
-    """A surface of faces that are given by their corners."""
-    ends = np.cumsum([0, *map(len, faces)]).tolist()
-    points = np.array([corner for face in faces for corner in face], dtype=float)
-    return Surface(name, points, [range(start, end) for start, end in pairwise(ends)], group)
+    return surfaces
 
 
 def _compas(path: Path, _: str | None) -> Iterator[Surface]:
-    """Meshes of an assembly or model of COMPAS 0.x, 1.x and 2.x, but for those of contacts."""
+    """Meshes of an assembly or model of COMPAS, but for those of contacts."""
     data = json.loads(path.read_bytes().decode("utf-8-sig"))
-    if isinstance(data, dict) and "assembly" in data:  # supports are beside the blocks
-        assembly = data["assembly"]
-        for key, node in (assembly.get("node") or assembly["vertex"]).items():
-            data["blocks"][key] |= {name: node.get(name) for name in GROUND}
-    yield from _meshes(data, path.stem, "default", False, np.eye(4))
+    yield from _meshes(data, Surface(path.stem, []), np.eye(4))
 
 
-def _meshes(data: Any, name: str, group: str, fixed: bool, matrix: Array) -> Iterator[Surface]:
+def _meshes(data: Any, around: Surface, matrix: Array) -> Iterator[Surface]:
     """Meshes in a table, with what the tables around them say of name, group, support, place."""
     if isinstance(data, list):
         for item in data:
-            yield from _meshes(item, name, group, fixed, matrix)
+            yield from _meshes(item, around, matrix)
     if not isinstance(data, dict):
         return
     for table in (data.get("attributes"), data):
         if isinstance(table, dict):
-            given = table.get("name")
-            name = given if given and given not in OF_TYPES else name
-            group = table.get("group") or group
-            fixed = fixed or any(bool(table.get(key)) for key in GROUND)
+            name = table.get("name")
+            around = Surface(
+                str(name) if name and name not in OF_TYPES else around.name,
+                [],
+                str(table.get("group") or around.group),
+                around.fixed or any(bool(table.get(key)) for key in GROUND),
+            )
     matrix = matrix @ data.get("parents", np.eye(4)) @ _matrix(data)
     corners = data.get("vertex", data.get("vertices"))
     faces = data.get("face", data.get("faces"))
     if corners and faces:
-        yield _mesh(corners, faces, Surface(str(name), matrix, (), str(group), fixed))
+        yield replace(around, faces=_mesh(corners, faces, matrix))
         return
     if "tree" in data and "elements" in data:
         items = data["elements"]
@@ -138,7 +128,8 @@ def _meshes(data: Any, name: str, group: str, fixed: bool, matrix: Array) -> Ite
         _tell_parents({item["guid"]: item for item in items}, data["tree"]["root"], np.eye(4))
     for key, item in data.items():
         if key not in NO_BLOCKS:
-            yield from _meshes(item, key if key.isdecimal() else name, group, fixed, matrix)
+            named = replace(around, name=key) if key.isdecimal() else around
+            yield from _meshes(item, named, matrix)
 
 
 def _tell_parents(elements: dict[str, Any], node: Any, matrix: Array) -> None:
@@ -155,9 +146,7 @@ def _matrix(table: dict[str, Any]) -> Array:
     frame = _contents(table.get("frame"))
     if isinstance(frame, dict) and "xaxis" in frame:
         point, x, y = (np.array(_contents(frame[k]), float) for k in ("point", "xaxis", "yaxis"))
-        z = np.cross(x, y)
-        axes = [x, np.cross(z, x), z]
-        matrix[:3] = np.column_stack([*(axis / np.linalg.norm(axis) for axis in axes), point])
+        matrix[:3] = np.column_stack([x, y, np.cross(x, y), point])
     moved = _contents(table.get("transformation"))
     if isinstance(moved, dict) and "matrix" in moved:
         matrix = matrix @ np.array(moved["matrix"], float).reshape(4, 4)
@@ -169,15 +158,15 @@ def _contents(item: Any) -> Any:
     return item.get("data", item.get("value", item)) if isinstance(item, dict) else item
 
 
-def _mesh(corners: Any, faces: Any, place: Surface) -> Surface:
-    """A mesh: tables or lists of its vertices and faces; `points` of its place are a matrix."""
+def _mesh(corners: Any, faces: Any, matrix: Array) -> list[Array]:
+    """Faces of a mesh: tables or lists of its vertices and faces."""
     if not isinstance(corners, dict):
         corners = {k: dict(zip("xyz", _contents(v), strict=True)) for k, v in enumerate(corners)}
     number = {str(key): k for k, key in enumerate(corners)}
     points = np.array([[v.get(axis, 0.0) for axis in "xyz"] for v in corners.values()], float)
+    points = points @ matrix[:3, :3].T + matrix[:3, 3]
     loops = faces.values() if isinstance(faces, dict) else faces
-    points = points @ place.points[:3, :3].T + place.points[:3, 3]
-    return replace(place, points=points, loops=[[number[str(k)] for k in x] for x in loops])
+    return [points[[number[str(key)] for key in loop]] for loop in loops]
 
 
 def _obj(path: Path, _: str | None) -> Iterator[Surface]:
@@ -185,8 +174,7 @@ def _obj(path: Path, _: str | None) -> Iterator[Surface]:
     text = path.read_text("utf-8-sig", "replace").replace("\\\n", " ")
     begins = "o" if text.startswith("o ") or "\no " in text else "g"
     points: list[Any] = [None]  # they count from 1
-    faces: dict[str, list[Any]] = {}
-    groups: dict[str, str] = {}
+    surfaces: dict[str, Surface] = {}
     name, group = path.stem, "default"
     for line in text.splitlines():
         key, *words = line.split() or [""]
@@ -198,10 +186,8 @@ def _obj(path: Path, _: str | None) -> Iterator[Surface]:
             group = " ".join(words) or "default"
         elif key == "f":
             corners = [points[int(word.split("/")[0])] for word in words]
-            faces.setdefault(name, []).append(corners)
-            groups.setdefault(name, group)
-    for name, some in faces.items():
-        yield _surface(name, some, groups[name])
+            surfaces.setdefault(name, Surface(name, [], group)).faces.append(corners)
+    yield from surfaces.values()
 
 
 def _stl(path: Path, _: str | None) -> Iterator[Surface]:
@@ -209,55 +195,53 @@ def _stl(path: Path, _: str | None) -> Iterator[Surface]:
     data = path.read_bytes()
     if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        yield _surface(path.stem, np.frombuffer(data, record, offset=84)["corners"])
+        yield Surface(path.stem, list(np.frombuffer(data, record, offset=84)["corners"]))
         return
-    solids: list[tuple[str, list[list[float]]]] = []
-    ended = False
-    for line in data.decode("utf-8", "replace").splitlines():
+    lines = data.decode("utf-8", "replace").strip().splitlines()
+    ended = lines[-1].split()[:1] == ["endsolid"]
+    require(ended, f"'{path}' is no STL file, or its end is missing; save it again")
+    solids: list[tuple[str, list[Any]]] = []
+    for line in lines:
         key, *words = line.split() or [""]
         if key == "solid":
             solids.append((" ".join(words) or path.stem, []))
         elif key == "vertex":
             solids[-1][1].append([float(word) for word in words])
-        ended = key == "endsolid" or (ended and not key)
-    require(ended, f"'{path}' is no STL file, or its end is missing; save it again")
     for name, corners in solids:
         if corners:
-            yield _surface(name, np.array(corners).reshape(-1, 3, 3))
+            yield Surface(name, [corners[k : k + 3] for k in range(0, len(corners), 3)])
 
 
 def _dxf(path: Path, unit: str | None) -> Iterator[Surface]:
     """3DFACE, MESH and polyface mesh entities of a DXF file, in m; a layer is a group."""
-    found: list[Surface] = []
-    faces: dict[str, list[Any]] = {}
+    surfaces: list[Surface] = []
+    drawn: dict[str, Surface] = {}
     others = Counter[str]()
     with visible_entities(path, unit) as (entities, known, _):
         from ezdxf.render import MeshBuilder
 
+        readers = {"MESH": MeshBuilder.from_mesh, "POLYLINE": MeshBuilder.from_polyface}
         for entity, layer in entities.visible():
             kind = entity.dxftype()
+            is_mesh = kind == "MESH" or (kind == "POLYLINE" and "Mesh" in entity.get_mode())
             try:
                 if kind == "3DFACE":
-                    faces.setdefault(layer, []).append(entity.wcs_vertices())
-                elif kind == "MESH":
-                    mesh = MeshBuilder.from_mesh(entity)
-                elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
-                    mesh = MeshBuilder.from_polyface(entity)
+                    drawn.setdefault(layer, Surface(layer, [], layer))
+                    drawn[layer].faces.append(UNITS[known] * np.array(entity.wcs_vertices()))
+                elif is_mesh:
+                    mesh = readers[kind](entity)
+                    points = UNITS[known] * np.array(mesh.vertices)
+                    surfaces.append(Surface(layer, [points[[*face]] for face in mesh.faces], layer))
                 else:
                     others[kind] += 1
-                if kind in ("MESH", "POLYLINE") and not others[kind]:
-                    corners = [[mesh.vertices[k] for k in face] for face in mesh.faces]
-                    found.append(_surface(layer, corners, layer))
             except Exception as error:  # damaged entities fail anywhere in ezdxf
                 reason = f"{str(error) or type(error).__name__}; delete it or draw it anew"
                 text = f"'{path}': the {kind} on layer '{layer}' cannot be read: {reason}"
                 raise InputError(text) from None
-    found += [_surface(layer, some, layer) for layer, some in faces.items()]
     listed = ", ".join(f"{count} {kind}" for kind, count in others.items()) or "nothing"
     text = "has no 3DFACE, MESH or polyface mesh on a visible layer"
-    require(bool(found), f"'{path}' {text}, but {listed}; turn solids into meshes")
-    for surface in found:
-        yield replace(surface, points=surface.points * UNITS[known])
+    require(bool(surfaces or drawn), f"'{path}' {text}, but {listed}; turn solids into meshes")
+    yield from (*surfaces, *drawn.values())
 
 
 def _msh(path: Path, _: str | None) -> Iterator[Surface]:
@@ -265,8 +249,8 @@ def _msh(path: Path, _: str | None) -> Iterator[Surface]:
     volumes, tags, coordinates = read_volumes(path)
     place = dict(zip(tags.tolist(), coordinates, strict=True))
     for tag, group, loops in volumes:
-        faces = [[place[node] for node in loop] for loop in loops]
-        yield _surface(f"{group or 'volume'} {tag}", faces, group or "default")
+        faces = [np.array([place[node] for node in loop]) for loop in loops]
+        yield Surface(f"{group or 'volume'} {tag}", faces, group or "default")
 
 
 #: What reads a kind of file.

@@ -9,7 +9,6 @@ middle crosses the surface an odd number of times.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any
@@ -30,8 +29,6 @@ BENT = 0.1
 #: Area of faces that may be missing or too much, and volume of a body that has none, relative.
 AREA = 1e-4
 VOLUME = 1e-8
-#: Parts of an edge, at its ends, that may be on other sides.
-BARELY = 1e-6
 #: Convex pieces of a body.
 MOST_PIECES = 200
 #: Direction of a ray that meets no edge of what people draw.
@@ -46,15 +43,13 @@ class Surface:
 
     Attributes:
         name: Of the block.
-        points: m, shape (points, 3).
-        loops: Corners of the faces, in either sense.
+        faces: Their corners, m, in either sense, each of shape (corners, 3).
         group: Key of materials and joints.
         fixed: Whether the block is ground.
     """
 
     name: str
-    points: Array
-    loops: Sequence[Sequence[int]]
+    faces: list[Any]
     group: str = "default"
     fixed: bool = False
 
@@ -66,8 +61,8 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
         InputError: If there are none, or one is open, touches itself, or has no volume.
     """
     where = f"{source}: block '{surface.name}'"
-    require(len(surface.loops) > 0, f"{where} has no faces; delete it, or draw its surface")
-    points = surface.points
+    points = np.vstack([np.empty((0, 3)), *surface.faces])
+    require(len(points) > 0, f"{where} has no faces; delete it, or draw its surface")
     finite = np.isfinite(points).all()
     require(bool(finite), f"{where} has a coordinate that is no number; draw it anew")
     width = np.ptp(points, axis=0).max()
@@ -76,8 +71,8 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
     require(SIZES[0] <= width and largest <= SIZES[1], text)
     points, place = _welded(points, WELD * width)
     loops: list[Loop] = []
-    for given in surface.loops:
-        loop = tuple(k for k, _ in groupby(place[list(given)].tolist()))
+    for numbers in np.split(place, np.cumsum([len(face) for face in surface.faces])[:-1]):
+        loop = tuple(k for k, _ in groupby(numbers.tolist()))
         loop = loop[:-1] if loop[:1] == loop[-1:] else loop
         if len(set(loop)) > 2:
             loops.append(loop)
@@ -119,12 +114,7 @@ def _bodies(loops: list[Loop]) -> list[list[Loop]]:
         if not once and len(closed[-1]) > 3:
             closed.append([])
     bodies = []
-    known: set[frozenset[int]] = set()
-    for several in closed:
-        faces = {frozenset(loop) for loop in several}
-        if faces <= known:  # drawn twice, or none
-            continue
-        known |= faces
+    for several in filter(None, closed):
         first: dict[tuple[int, int], int] = {}
         pairs = [(first.setdefault(e, k), k) for k, x in enumerate(several) for e in edges_of(x)]
         label = connected(np.array(pairs), len(several))
@@ -147,21 +137,20 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
         text = f"has faces of {area:.4g} m2 for a surface of {hull.area:.4g} m2"
         cure = "draw those that are missing" if area < hull.area else "delete those drawn twice"
         require(abs(area - hull.area) < AREA * hull.area, f"{where} {text}; {cure}")
-        return [_convex(points, loops)]
-    uses = Counter(edge for loop in loops for edge in edges_of(loop)).most_common()
+        return [Polyhedron.hull(points)]
+    uses = Counter(edge for loop in loops for edge in edges_of(loop))
+    edge, count = max(uses.items(), key=lambda use: abs(use[1] - 2))
+    x, y, z = points[list(edge)].mean(axis=0)
+    text = f"has an edge of {count} faces instead of two, at ({x:g}, {y:g}, {z:g})"
     cure = "close its surface, or give every block a layer, object or file of its own"
-    for edge, count in (uses[-1], uses[0]):
-        x, y, z = points[list(edge)].mean(axis=0)
-        text = f"has an edge of {count} faces instead of two, at ({x:g}, {y:g}, {z:g}); {cure}"
-        require(count == 2, f"{where} {text}")
+    require(count == 2, f"{where} {text}; {cure}")
     planes = PlaneSides(points, loops)
     bent = np.abs(planes.heights[planes.at_sides]).max() / size
-    body = Polyhedron(points, tuple(loops)) if bent > WELD else None
-    if body is not None and body.problem and bent < BENT:
-        body = _between(planes, hull, size)
-    if body is not None and not body.problem:
-        return [body]
-    return _cut(points, loops, hull, where, size)
+    if WELD < bent < BENT:
+        for body in (Polyhedron(points, loops), _between(planes, points, hull.volume)):
+            if not body.problem:
+                return [body]
+    return _cut(points, loops, where, size)
 
 
 def _hull(points: Array, size: float) -> Any:
@@ -175,87 +164,51 @@ def _hull(points: Array, size: float) -> Any:
     if hull.volume < VOLUME * size**3:
         return None
     hull.equations[:, 3] -= hull.equations[:, :3] @ points[0]
-    hull.corners = points
     return hull
 
 
-def _convex(points: Array, loops: Sequence[Loop] = ()) -> Polyhedron:
-    """The body around points; its corners are those of three of its sides at least."""
-    body = Polyhedron(points, tuple(loops))
-    if body.problem:  # it has no sides yet, or some end within others
-        body = Polyhedron.hull(points)
-    if body.problem:
-        return body
-    corner = np.bincount(np.concatenate(body.sides)) > 2
-    simpler = body if corner.all() else Polyhedron.hull(body.corners[corner])
-    same = not simpler.problem and abs(simpler.volume - body.volume) < AREA * body.volume
-    return simpler if same else body
-
-
-def _between(planes: PlaneSides, hull: Any, size: float) -> Polyhedron | None:
-    """The body between the mean planes of bent sides; None if its corners are others.
+def _between(planes: PlaneSides, points: Array, volume: float) -> Polyhedron:
+    """The body between the mean planes of bent sides of a hull; a problem if it is another one.
 
     Blocks that share the corners of a bent side share its mean plane, too.
     """
     from scipy.spatial import HalfspaceIntersection, QhullError
 
-    inside = hull.corners[hull.vertices].mean(axis=0)
     halfspaces = np.column_stack([planes.normals, -planes.levels])
     try:
-        corners = HalfspaceIntersection(halfspaces, inside).intersections
+        body = Polyhedron.hull(HalfspaceIntersection(halfspaces, points.mean(axis=0)).intersections)
     except (QhullError, ValueError):
-        return None
-    found = _hull(corners[np.isfinite(corners).all(axis=1)], size)
-    for one, other in ((hull, found), (found, hull)):
-        if found is None or _beyond(one.corners, other) > BENT * size:
-            return None
-    return _convex(found.corners)
+        return Polyhedron(points, ())
+    return body if abs(body.volume - volume) < BENT * volume else Polyhedron(points, ())
 
 
-def _beyond(points: Array, hull: Any) -> float:
-    """How far the farthest of some points is outside a hull."""
-    return float((points @ hull.equations[:, :3].T + hull.equations[:, 3]).max())
-
-
-def _cut(points: Array, loops: list[Loop], hull: Any, where: str, size: float) -> list[Polyhedron]:
+def _cut(points: Array, loops: list[Loop], where: str, size: float) -> list[Polyhedron]:
     """Convex pieces of a body that is not convex."""
-    fans = [[(x[0], x[k], x[k + 1]) for k in range(1, len(x) - 1)] for x in loops]
-    triangles = points[np.array([corner for fan in fans for corner in fan])]
-    face = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
-    for start, end in {edge for loop in loops for edge in edges_of(loop)}:
-        along, inner = _crossings(points[start], points[end] - points[start], triangles)
-        hits = np.bincount(face, inner & (along > BARELY) & (along < 1.0 - BARELY))
-        apart = np.array([start not in loop and end not in loop for loop in loops])
-        text = "has a surface that cuts itself, or bent sides at a hollow; give them as triangles"
-        require(not np.any(apart & (hits % 2 > 0.5)), f"{where} {text}")
+    triangles = points[[(x[0], *x[k : k + 2]) for x in loops for k in range(1, len(x) - 1)]]
     flat = FLAT * size
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.linalg.norm(normals, axis=1)
-    normals /= np.maximum(areas, 1e-300)[:, None]
-    heights = np.sum(normals * triangles[:, 0], axis=1)
     order = np.argsort(-areas)
     order = order[areas[order] > 1e-10 * size**2]
-    cells = [hull]
+    normals, large = normals[order] / areas[order, None], triangles[order]
+    heights = np.sum(normals * large[:, 0], axis=1)
+    cells = [points]
     pieces: list[Polyhedron] = []
     while cells:
-        cell = cells.pop()
-        depth = triangles[order] @ cell.equations[:, :3].T + cell.equations[:, 3]
-        through = order[(depth.min(axis=1) < -flat).all(axis=1)]
-        corners = cell.corners[cell.vertices]
+        corners = cells.pop()
+        hull = _hull(corners, size)
+        if hull is None:
+            continue
+        corners = corners[hull.vertices]
+        depth = large @ hull.equations[:, :3].T + hull.equations[:, 3]
+        through = (depth.min(axis=1) < -flat).all(axis=1)
         above = normals[through] @ corners.T - heights[through, None]
         cuts = (above.max(axis=1) > flat) & (above.min(axis=1) < -flat)
-        if not cuts.any():
-            middle = corners.mean(axis=0)
-            along, inner = _crossings(middle, RAY, triangles)
-            thick = cell.volume > 10.0 * flat * cell.area
-            if thick and np.sum(inner & (along > 0.0)) % 2:
-                pieces.append(_convex(corners))
-        else:
-            first = np.argmax(cuts)
-            halves = (
-                _hull(_part(corners, sign * above[first], flat), size) for sign in (1.0, -1.0)
-            )
-            cells += [half for half in halves if half is not None]
+        if cuts.any():
+            height = above[np.argmax(cuts)]
+            cells += [_part(corners, sign * height, flat) for sign in (1.0, -1.0)]
+        elif hull.volume > 10.0 * flat * hull.area and _inside(corners.mean(axis=0), triangles):
+            pieces.append(Polyhedron.hull(corners))
         text = "give it as several blocks, or simpler"
         many = f"{where} is not convex and has more than {MOST_PIECES} convex pieces; {text}"
         require(len(pieces) + len(cells) <= MOST_PIECES, many)
@@ -272,21 +225,10 @@ def _part(corners: Array, above: Array, flat: float) -> Array:
     return np.vstack([corners[above >= -flat], cut.reshape(-1, 3)])
 
 
-def _crossings(start: Array, along: Array, triangles: Array) -> tuple[Array, Any]:
-    """Where a line meets the planes of triangles, in parts of `along`, and whether inside them.
-
-    T. Moeller, B. Trumbore, J. Graphics Tools 2 (1997) 21.
-    """
-    one = triangles[:, 1] - triangles[:, 0]
-    two = triangles[:, 2] - triangles[:, 0]
-    across = np.cross(along, two)
-    factor = np.sum(one * across, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        arm = start - triangles[:, 0]
-        u = np.sum(arm * across, axis=1) / factor
-        turned = np.cross(arm, one)
-        v = turned @ along / factor
-        place = np.sum(two * turned, axis=1) / factor
-        inner = (u > 0.0) & (v > 0.0) & (u + v < 1.0)
-    sizes = np.linalg.norm(one, axis=1) * np.linalg.norm(across, axis=1)
-    return place, inner & (np.abs(factor) > 1e-9 * sizes)
+def _inside(place: Array, triangles: Array) -> bool:
+    """Whether a ray from a place crosses a surface an odd number of times."""
+    a, b, c = np.moveaxis(triangles - place, 1, 0)
+    turns = np.array([np.cross(p, q) @ RAY for p, q in ((a, b), (b, c), (c, a))])
+    crossed = (turns > 0.0).all(axis=0) | (turns < 0.0).all(axis=0)
+    ahead = np.linalg.det(triangles - place) * turns.sum(axis=0) > 0.0
+    return bool(np.sum(crossed & ahead) % 2)
