@@ -36,7 +36,7 @@ from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialCollapse
 from tests.bank import WALLS
-from tests.spatial.bank import Array, Pushed, barrel, towards
+from tests.spatial.bank import Array, Pushed, barrel, extruded, towards
 
 Row = dict[str, Any]
 NAMES = (
@@ -136,7 +136,7 @@ def named_scenes() -> Iterator[tuple[str, str, Pushed]]:
         oblique = Pushed(partial(barrel, 3), 0.6, towards(degrees))
         yield "vault", f"barrel 25x3 {degrees:g}", oblique
     for name, courses in WALLS.items():
-        long = partial(builders.extruded, courses=courses, thickness=0.2, brick=(0.4, 0.175))
+        long = partial(extruded, courses, 0.2)
         yield "wall", name, Pushed(long, 0.65, towards(0.0))
     facades = {
         (4, 2, 6): (0.3, 0.5, 0.7, 1.0),

@@ -206,32 +206,6 @@ def tower(
     return tuple(block if block.fixed else narrowed(block) for block in straight)
 
 
-@_builder
-def extruded(*, courses: Rows, thickness: float, brick: Pair = BRICK) -> Blocks:
-    """A wall from the courses of a planar one, along x.
-
-    Args:
-        courses: From the bottom, lengths of blocks in bricks; negative ones are left out.
-        thickness: Of the wall, m.
-        brick: Length, and height of every course, m.
-
-    Raises:
-        InputError: If there is no course, or a length is zero.
-    """
-    good = len(courses) > 0 and all(len(course) and all(course) for course in courses)
-    require(good, "courses must be lists of lengths that are not zero")
-    longest = brick[0] * max(np.abs(course).sum() for course in courses)
-    blocks = [_ground((0.0, 0.0), (longest, thickness))]
-    for number, course in enumerate(courses):
-        ends = brick[0] * np.cumsum([0.0, *np.abs(course)])
-        low, high = number * brick[1], (number + 1) * brick[1]
-        for place, (start, end) in enumerate(pairwise(ends)):
-            if course[place] > 0.0:
-                name = f"wall_{number + 1}_{place + 1}"
-                blocks.append(_box((start, 0.0, low), (end, thickness, high), name, "walls"))
-    return tuple(blocks)
-
-
 # ---- vaults
 
 

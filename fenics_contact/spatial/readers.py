@@ -29,6 +29,8 @@ MOST_FACES = 500_000
 GROUND = ("is_support", "is_fixed")
 #: What of a COMPAS file is no block: contacts and their surfaces.
 NO_BLOCKS = {"edge", "edgedata", "interface", "interfaces", "interactions", "contacts", "features"}
+#: Attributes that move a block of COMPAS.
+PLACES = ("frame", "transformation")
 #: Names that COMPAS gives by itself.
 OF_TYPES = {"Assembly", "Block", "BlockElement", "BlockModel", "Box", "Graph", "Mesh", "Model"}
 #: What damaged contents raise.
@@ -97,14 +99,14 @@ def _surfaces(path: Path, unit: str | None) -> list[Surface]:
 def _compas(path: Path, _: str | None) -> Iterator[Surface]:
     """Meshes of an assembly or model of COMPAS, but for those of contacts."""
     data = json.loads(path.read_bytes().decode("utf-8-sig"))
-    yield from _meshes(data, Surface(path.stem, []), np.eye(4))
+    yield from _meshes(data, Surface(path.stem, []), f"'{path}'")
 
 
-def _meshes(data: Any, around: Surface, matrix: Array) -> Iterator[Surface]:
-    """Meshes in a table, with what the tables around them say of name, group, support, place."""
+def _meshes(data: Any, around: Surface, source: str) -> Iterator[Surface]:
+    """Meshes in a table, with what the tables around them say of name, group, support."""
     if isinstance(data, list):
         for item in data:
-            yield from _meshes(item, around, matrix)
+            yield from _meshes(item, around, source)
     if not isinstance(data, dict):
         return
     for table in (data.get("attributes"), data):
@@ -116,41 +118,18 @@ def _meshes(data: Any, around: Surface, matrix: Array) -> Iterator[Surface]:
                 str(table.get("group") or around.group),
                 around.fixed or any(bool(table.get(key)) for key in GROUND),
             )
-    matrix = matrix @ data.get("parents", np.eye(4)) @ _matrix(data)
+    for key in PLACES:
+        text = f"block '{around.name}' has a {key}; save its corners where they are"
+        require(not _contents(data.get(key)), f"{source}: {text}")
     corners = data.get("vertex", data.get("vertices"))
     faces = data.get("face", data.get("faces"))
     if corners and faces:
-        yield replace(around, faces=_mesh(corners, faces, matrix))
+        yield replace(around, faces=_mesh(corners, faces))
         return
-    if "tree" in data and "elements" in data:
-        items = data["elements"]
-        items = items.values() if isinstance(items, dict) else items
-        _tell_parents({item["guid"]: item for item in items}, data["tree"]["root"], np.eye(4))
     for key, item in data.items():
         if key not in NO_BLOCKS:
             named = replace(around, name=key) if key.isdecimal() else around
-            yield from _meshes(item, named, matrix)
-
-
-def _tell_parents(elements: dict[str, Any], node: Any, matrix: Array) -> None:
-    """Give elements of a model the place of what holds them in its tree."""
-    for child in node.get("children") or ():
-        element = elements.get(child.get("element"), {"data": {}})
-        element["parents"] = matrix
-        _tell_parents(elements, child, matrix @ _matrix(element["data"]))
-
-
-def _matrix(table: dict[str, Any]) -> Array:
-    """What the frame and the transformation of a table do with its contents, shape (4, 4)."""
-    matrix = np.eye(4)
-    frame = _contents(table.get("frame"))
-    if isinstance(frame, dict) and "xaxis" in frame:
-        point, x, y = (np.array(_contents(frame[k]), float) for k in ("point", "xaxis", "yaxis"))
-        matrix[:3] = np.column_stack([x, y, np.cross(x, y), point])
-    moved = _contents(table.get("transformation"))
-    if isinstance(moved, dict) and "matrix" in moved:
-        matrix = matrix @ np.array(moved["matrix"], float).reshape(4, 4)
-    return matrix
+            yield from _meshes(item, named, source)
 
 
 def _contents(item: Any) -> Any:
@@ -158,13 +137,12 @@ def _contents(item: Any) -> Any:
     return item.get("data", item.get("value", item)) if isinstance(item, dict) else item
 
 
-def _mesh(corners: Any, faces: Any, matrix: Array) -> list[Array]:
+def _mesh(corners: Any, faces: Any) -> list[Array]:
     """Faces of a mesh: tables or lists of its vertices and faces."""
     if not isinstance(corners, dict):
         corners = {k: dict(zip("xyz", _contents(v), strict=True)) for k, v in enumerate(corners)}
     number = {str(key): k for k, key in enumerate(corners)}
     points = np.array([[v.get(axis, 0.0) for axis in "xyz"] for v in corners.values()], float)
-    points = points @ matrix[:3, :3].T + matrix[:3, 3]
     loops = faces.values() if isinstance(faces, dict) else faces
     return [points[[number[str(key)] for key in loop]] for loop in loops]
 

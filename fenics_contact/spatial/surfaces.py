@@ -176,10 +176,12 @@ def _between(planes: PlaneSides, points: Array, volume: float) -> Polyhedron:
 
     halfspaces = np.column_stack([planes.normals, -planes.levels])
     try:
-        body = Polyhedron.hull(HalfspaceIntersection(halfspaces, points.mean(axis=0)).intersections)
+        corners = HalfspaceIntersection(halfspaces, points.mean(axis=0)).intersections
     except (QhullError, ValueError):
-        return Polyhedron(points, ())
-    return body if abs(body.volume - volume) < BENT * volume else Polyhedron(points, ())
+        corners = points[:0]
+    body = Polyhedron.hull(corners)
+    same = not body.problem and abs(body.volume - volume) < BENT * volume
+    return body if same else Polyhedron(points, ())
 
 
 def _cut(points: Array, loops: list[Loop], where: str, size: float) -> list[Polyhedron]:

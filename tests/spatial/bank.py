@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -99,4 +99,21 @@ def barrel(strips: int) -> builders.Blocks:
         length=0.2,
         voussoirs=25,
         strips=strips,
+    )
+
+
+def extruded(courses: Sequence[Sequence[float]], thickness: float) -> builders.Blocks:
+    """A planar wall along x, by lengths of bricks of courses; negative ones are left out."""
+    length, height = 0.4, 0.175
+    longest = length * max(np.abs(course).sum() for course in courses)
+    boxes = {"ground": ([-0.5, -0.5, -0.2], [longest + 0.5, thickness + 0.5, 0.0])}
+    for number, course in enumerate(courses):
+        ends = length * np.cumsum([0.0, *np.abs(course)])
+        for place, part in enumerate(course):
+            if part > 0.0:
+                low = [ends[place], 0.0, height * number]
+                high = [ends[place + 1], thickness, height * (number + 1)]
+                boxes[f"wall_{number + 1}_{place + 1}"] = (low, high)
+    return tuple(
+        Block((Polyhedron.box(*box),), name, fixed=name == "ground") for name, box in boxes.items()
     )

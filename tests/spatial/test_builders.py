@@ -49,10 +49,6 @@ MADE = {
         builders.tower(width=3.0, height=6.0, thickness=0.5, top_width=2.0, brick=(1.0, 0.5)),
         (9.0 - 4.0) * 6.0 * (1.0 + 4.0 / 9.0 + 2.0 / 3.0) / 3.0,
     ),
-    "extruded": (
-        builders.extruded(courses=[[1, -1, 1], [0.5, 2, 0.5]], thickness=0.3, brick=(0.4, 0.2)),
-        0.3 * 0.2 * 0.4 * 5.0,
-    ),
     "barrel vault": (
         builders.barrel_vault(
             span=2.0, rise=1.0, thickness=0.2, length=3.0, voussoirs=12, strips=3
@@ -156,7 +152,6 @@ def test_dome_fills_its_rings():
         ("dome", {"oculus": 1.0}, "oculus = 1 must be less than 1"),
         ("bridge", {"height": 1.2}, "height = 1.2 must be more than 1.5"),
         ("bridge", {"spandrel": 1.0}, "width = 2 must be more than 2"),
-        ("extruded", {"courses": [[1, 0]]}, "courses must be lists of lengths that are not zero"),
     ],
 )
 def test_impossible_sizes_are_named(make, changed, message):
@@ -182,7 +177,6 @@ def test_impossible_sizes_are_named(make, changed, message):
             "height": 2.0,
             "voussoirs": 14,
         },
-        "extruded": {"courses": [[1]], "thickness": 0.2},
     }
     with pytest.raises(InputError, match=message):
         getattr(builders, make)(**{**given[make], **changed})

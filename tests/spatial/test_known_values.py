@@ -12,7 +12,7 @@ from fenics_contact.faces.programs import associative_end, state_under
 from fenics_contact.spatial import builders
 from fenics_contact.spatial.limit import collapse_of
 from tests.bank import WALLS
-from tests.spatial.bank import Pushed, barrel, towards
+from tests.spatial.bank import Pushed, barrel, extruded, towards
 
 
 def limit_of(scene, quick=True, least=1e-6):
@@ -55,7 +55,7 @@ def test_long_barrel_vault_is_an_arch():
 )
 def test_planar_walls_with_a_thickness(wall, lowest, highest):
     """Between the lowest collapse state known in the plane and the limit of associative slip."""
-    make = partial(builders.extruded, courses=WALLS[wall], thickness=0.2, brick=(0.4, 0.175))
+    make = partial(extruded, WALLS[wall], 0.2)
     factor, error = limit_of(Pushed(make, 0.65, towards(0.0)))
     assert lowest - error <= factor <= highest + error
 

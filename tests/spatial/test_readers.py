@@ -19,7 +19,7 @@ from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.spatial import Scene
 from fenics_contact.spatial.contacts import contacts_of
 from fenics_contact.spatial.limit import collapse_of
-from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.polyhedra import HEXAHEDRON, Block, Polyhedron
 from fenics_contact.spatial.readers import blocks_from_file
 from fenics_contact.spatial.structure import ContactLaw, Structure
 
@@ -260,46 +260,33 @@ def test_a_folder_of_files(tmp_path):
 # COMPAS of several versions, written by hand.
 
 
-@pytest.mark.parametrize("as_list", [True, False])
-def test_compas_model_with_places(as_list, tmp_path):
-    """compas_model: elements with frames and transformations, parents in a tree."""
-    up = np.eye(4)
-    up[2, 3] = 0.25
-    turn = np.eye(4)
-    turn[:3, :3] = TURN
-    elements = {}
-    for block in stack():
-        body = block.pieces[0]
-        local = Block((Polyhedron((body.corners - [0, 0, 0.25]) @ TURN, body.sides),))
-        data = {
-            "name": block.name,
-            "is_support": block.fixed,
-            "frame": {"dtype": "compas.geometry/Frame", "data": None},
-            "transformation": {
-                "dtype": "compas.geometry/Transformation",
-                "data": {"matrix": turn.tolist()},
+def test_compas_model(tmp_path):
+    """compas_model: elements beside a tree, and contacts in a graph; places are refused."""
+    elements = {
+        block.name: {
+            "dtype": "Block",
+            "data": {
+                "name": block.name,
+                "is_support": block.fixed,
+                "transformation": None,
+                "geometry": {"dtype": "compas.datastructures/Mesh", "data": mesh_table(block)},
             },
-            "geometry": {"dtype": "compas.datastructures/Mesh", "data": mesh_table(local)},
         }
-        if block.name == "high":  # the same turn, as a frame
-            frame = {"point": [0, 0, 0], "xaxis": TURN[:, 0].tolist(), "yaxis": TURN[:, 1].tolist()}
-            data["frame"]["data"] = frame
-            del data["transformation"]
-        elements[block.name] = {"dtype": "Block", "data": data, "guid": block.name}
-    parent = {"transformation": {"data": {"matrix": up.tolist()}}}
-    elements["parent"] = {"dtype": "Group", "data": parent, "guid": "parent"}
-    leaves = [{"element": name} for name in ("base", "low", "high")]
-    root = {"children": [{"element": "parent", "children": leaves}]}
+        for block in stack()
+    }
     model = {
-        "elements": list(elements.values()) if as_list else elements,
-        "tree": {"root": root},
+        "elements": elements,
+        "tree": {"root": {"children": [{"element": name} for name in elements]}},
         "graph": {"node": {}, "edge": {"0": {"1": {"contacts": [mesh_table(stack()[0])]}}}},
     }
     path = tmp_path / "model.json"
     path.write_text(json.dumps({"dtype": "compas_model.models/Model", "data": model}))
     found = blocks_from_file(path)
     assert [(b.name, b.fixed) for b in found] == [("base", True), ("low", False), ("high", False)]
-    assert factor_of(found) == pytest.approx(0.4 / 1.1, rel=1e-6)
+    elements["low"]["data"]["transformation"] = {"data": {"matrix": np.eye(4).tolist()}}
+    path.write_text(json.dumps({"dtype": "compas_model.models/Model", "data": model}))
+    with pytest.raises(InputError, match="json': block 'low' has a transformation; save"):
+        blocks_from_file(path)
 
 
 def test_lists_of_vertices_and_faces(tmp_path):
@@ -341,14 +328,14 @@ def test_sides_turned_cut_and_drawn_near_each_other(tmp_path):
     assert block.centroid == pytest.approx([0.5] * 3, abs=1e-6)
 
 
-def test_bent_sides_are_made_plane_alike_on_both_blocks(tmp_path):
+@pytest.mark.parametrize("bend", [0.01, 0.1])
+def test_bent_sides_are_made_plane_alike_on_both_blocks(bend, tmp_path):
     """Two blocks that share four corners not quite in a plane touch in one contact."""
-    top = np.array([[0, 0, 1.0], [1, 0, 1.01], [1, 1, 1.0], [0, 1, 1.01]])
+    top = np.array([[0, 0, 1.0], [1, 0, 1.0 + bend], [1, 1, 1.0], [0, 1, 1.0 + bend]])
     low = np.vstack([top * [1, 1, 0], top])
     high = np.vstack([top, top * [1, 1, 0] + [0, 0, 2.0]])
     for name, corners in (("low", low), ("high", high)):
-        body = hexahedron(corners, name)
-        write_obj(tmp_path / f"{name}.obj", [body])
+        write_faces(tmp_path / f"{name}.obj", [corners[list(side)] for side in HEXAHEDRON])
     blocks = blocks_from_file(tmp_path)
     (contact,) = contacts_of(blocks)
     assert contact.area == pytest.approx(1.0, rel=1e-3)
