@@ -10,12 +10,11 @@ for a motion of the blocks by which all points open: v_N >= D |v_T|.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.structure import Structure
 
@@ -33,10 +32,10 @@ ALLOWED = {
 def missing_forces(structure: Structure, force: Array, tension: Array, load_factor: float) -> Array:
     """Forces and moments about centroids that are left over, N and N m, shape (blocks, 6)."""
     missing = structure.dead + load_factor * structure.live
-    axes, ends = _units(structure)
+    axes = structure.axes
     along = np.einsum("pk,pki->pi", force, axes[: len(force)])  # on the second block
     along = np.vstack([along, -tension[:, None] * axes[len(force) :, 1]])
-    for sign, block, arm in ends:
+    for sign, block, arm in structure.ends:
         vectors = np.hstack([along, np.cross(arm, along)])
         np.add.at(missing, block[block >= 0], sign * vectors[block >= 0])
     return missing[structure.number >= 0]
@@ -44,31 +43,11 @@ def missing_forces(structure: Structure, force: Array, tension: Array, load_fact
 
 def relative_motions(structure: Structure, mode: Array) -> Array:
     """Motions of second ends against first ones along the axes of points, and then of bars."""
-    axes, ends = _units(structure)
     motions = np.vstack([mode, np.zeros(6)])  # the last one: GROUND
-    moved = np.zeros((len(axes), 3))
-    for sign, block, arm in ends:
+    moved = np.zeros((len(structure.axes), 3))
+    for sign, block, arm in structure.ends:
         moved += sign * (motions[block, :3] + np.cross(motions[block, 3:], arm))
-    return np.asarray(np.einsum("pki,pi->pk", axes, moved))
-
-
-def _units(structure: Structure) -> tuple[Array, list[tuple[float, Any, Array]]]:
-    """Axes of points and bars; sign, blocks, and arms from their centroids, of both ends."""
-    points = structure.points
-    bars = structure.bars
-    along = np.zeros((len(bars), 3, 3))
-    for k, bar in enumerate(bars):
-        line = bar.tie.ends[1] - bar.tie.ends[0]
-        along[k, 1] = line / np.linalg.norm(line)
-    axes = np.array([contact.axes for contact in structure.contacts])[points.contact]
-    centroid = np.array([*(block.centroid for block in structure.blocks), np.zeros(3)])
-    ends = []
-    for end, name in enumerate(("first", "second")):
-        numbers = np.array([getattr(contact, name) for contact in structure.contacts])
-        block = np.append(numbers[points.contact], [bar.blocks[end] for bar in bars]).astype(int)
-        place = np.vstack([points.position, *(bar.tie.ends[end] for bar in bars)])
-        ends.append((2.0 * end - 1.0, block, place - centroid[block]))
-    return np.concatenate([axes, along]), ends
+    return np.asarray(np.einsum("pki,pi->pk", structure.axes, moved))
 
 
 def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, float]:
@@ -79,13 +58,11 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     if force is None or mode is None or tension is None:
         return {}
     count = len(force)
-    area = structure.points.area
-    laws = [structure.laws[k] for k in structure.points.contact]
-    friction = np.array([law.friction for law in laws])
-    dilatancy = np.array([law.dilatancy for law in laws])
-    tensile = np.array([law.tensile_strength for law in laws]) * area
-    cohesion = np.array([law.cohesion for law in laws]) * area
-    yields = np.array([bar.tie.yield_ for bar in structure.bars])
+    laws = ("friction", "dilatancy", "tensile_strength", "cohesion")
+    friction, dilatancy, tensile, cohesion = (structure.of_units(law)[:count] for law in laws)
+    tensile = tensile * structure.points.area
+    cohesion = cohesion * structure.points.area
+    yields = structure.yields
     missing = missing_forces(structure, force, tension, collapse.load_factor)
     missing[:, 3:] /= structure.size
     loads = np.abs(structure.dead) + np.abs(collapse.load_factor * structure.live)
@@ -99,11 +76,10 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     power = float(own @ slip + tensile @ np.maximum(opening, 0.0))
     power += float(yields @ np.maximum(moved[count:, 1], 0.0))
     power -= float(np.vdot(structure.dead, mode))
-    # Contacts that crush close, at a power that the programs know.
-    closes = np.isfinite([law.compressive_strength for law in laws])
     work = float(np.vdot(structure.live, mode))
     size = max(abs(collapse.load_factor), 1e-2 * typical / float(np.abs(structure.live).max()))
-    apart = abs(power / work - collapse.load_factor) / size
+    # Contacts that crush close, at a power that the programs know.
+    closes = structure.crushes[structure.points.contact]
     penetration = float(np.max(-opening[~closes], initial=0.0))
     found = {
         "equilibrium": float(np.abs(missing).max()) / typical,
@@ -111,8 +87,11 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
         "friction": float(np.max(shear - cohesion - friction * normal)) / typical,
         "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
         "mode_penetration": penetration / float(np.abs(moved).max()),
-        "limit": collapse.gap if np.any(closes) else apart,
+        "limit": abs(power / work - collapse.load_factor) / size,
     }
+    if np.any(closes):
+        crushing = Crushing.of(structure)
+        found |= {"limit": collapse.gap, "crushing": crushing.miss(normal) / typical}
     return {name: max(value, 0.0) for name, value in found.items()}
 
 

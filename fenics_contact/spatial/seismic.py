@@ -6,6 +6,7 @@ import numpy as np
 
 from fenics_contact.answers.seismic import AS_ONE, SeismicCheck
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.scene.scene import Seismic
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import relative_motions
@@ -15,18 +16,13 @@ from fenics_contact.spatial.structure import Structure
 
 def rigid_parts(structure: Structure, mode: Array) -> Indices:
     """Numbers of parts that move as one in a mode, by blocks, shape (blocks,)."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
     points = structure.points
     rate = np.linalg.norm(relative_motions(structure, mode)[: len(points.area)], axis=1)
     largest = np.zeros(len(structure.contacts))
     np.maximum.at(largest, points.contact, rate)
     joined = np.flatnonzero(largest <= AS_ONE * largest.max(initial=0.0))
     pairs = np.array([(c.first, c.second) for c in structure.contacts])[joined]
-    shape = (len(structure.blocks), len(structure.blocks))
-    graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape)
-    return np.asarray(connected_components(graph, directed=False)[1])
+    return connected(pairs, len(structure.blocks))
 
 
 def seismic_check(

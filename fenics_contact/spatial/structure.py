@@ -10,9 +10,8 @@ import numpy as np
 
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.scene.scene import JointLaw
 from fenics_contact.spatial.contacts import Contact
-from fenics_contact.spatial.loads import GROUND, Bar
+from fenics_contact.spatial.loads import Bar
 from fenics_contact.spatial.points import points_of
 from fenics_contact.spatial.polyhedra import Block
 
@@ -39,18 +38,6 @@ class ContactLaw:
     tensile_strength: float = 0.0
     compressive_strength: float = np.inf
     key: str = ""
-
-    @classmethod
-    def of(cls, key: str, law: JointLaw, compressive_strength: float) -> ContactLaw:
-        """That of a joint."""
-        return cls(
-            law.friction or 0.0,
-            law.cohesion + (law.bound or 0.0),
-            law.dilation,
-            law.tensile_strength,
-            compressive_strength,
-            key,
-        )
 
 
 @dataclass(frozen=True)
@@ -122,6 +109,49 @@ class Structure:
         moves = np.array([not block.fixed for block in self.blocks])
         return np.where(moves, np.cumsum(moves) - 1, -1)
 
+    @cached_property
+    def areas(self) -> Array:
+        """Of units, m2, shape (units,): 0 for bars."""
+        return np.append(self.points.area, np.zeros(len(self.bars)))
+
+    @cached_property
+    def yields(self) -> Array:
+        """Tensions at which bars yield, N, shape (bars,)."""
+        return np.array([bar.tie.yield_ for bar in self.bars])
+
+    def of_units(self, name: str) -> Array:
+        """A value of the laws by units, shape (units,): 0 for bars."""
+        values = np.array([getattr(law, name) for law in self.laws])[self.points.contact]
+        return np.append(values, np.zeros(len(self.bars)))
+
+    @cached_property
+    def crushes(self) -> Array:
+        """Which contacts have a compressive strength, shape (contacts,)."""
+        return np.isfinite([law.compressive_strength for law in self.laws])
+
+    @cached_property
+    def axes(self) -> Array:
+        """Of units, shape (units, 3, 3): normal and tangents of points, the line of bars second."""
+        along = np.zeros((len(self.bars), 3, 3))
+        for k, bar in enumerate(self.bars):
+            line = bar.tie.ends[1] - bar.tie.ends[0]
+            along[k, 1] = line / np.linalg.norm(line)
+        axes = np.array([contact.axes for contact in self.contacts])
+        return np.concatenate([axes[self.points.contact], along])
+
+    @cached_property
+    def ends(self) -> list[tuple[float, Indices, Array]]:
+        """Of units, the first and the second: sign, blocks, and arms from their centroids, m."""
+        pairs = np.array([(contact.first, contact.second) for contact in self.contacts])
+        blocks = np.vstack([pairs[self.points.contact], *(bar.blocks for bar in self.bars)])
+        centroid = np.array([*(block.centroid for block in self.blocks), np.zeros(3)])  # of GROUND
+        places = [
+            np.vstack([self.points.position, *(bar.tie.ends[end] for bar in self.bars)])
+            for end in (0, 1)
+        ]
+        arms = [place - centroid[block] for place, block in zip(places, blocks.T, strict=True)]
+        return [(-1.0, blocks[:, 0], arms[0]), (1.0, blocks[:, 1], arms[1])]
+
     def relative_motion(self) -> Any:
         """H: motions of blocks, m and rad times `size`, to those of units along their axes.
 
@@ -134,36 +164,33 @@ class Structure:
         """H of all blocks, those of the ground, too."""
         from scipy.sparse import csr_matrix
 
-        contact = self.points.contact
-        pairs = np.array([(contact.first, contact.second) for contact in self.contacts])[contact]
-        blocks = np.vstack([pairs, *(bar.blocks for bar in self.bars)])
-        axes = np.array([contact.axes for contact in self.contacts])[contact]
-        along = np.zeros((len(self.bars), 3, 3))
-        for k, bar in enumerate(self.bars):
-            line = bar.tie.ends[1] - bar.tie.ends[0]
-            along[k, 1] = line / np.linalg.norm(line)
-        axes = np.concatenate([axes, along])
-        centroids = np.array([block.centroid for block in self.blocks])
-        values = []
-        for end, sign in enumerate((-1.0, 1.0)):
-            place = np.vstack([self.points.position, *(bar.tie.ends[end] for bar in self.bars)])
-            arm = (place - centroids[blocks[:, end]]) / self.size
-            turned = np.cross(arm[:, None, :], axes)  # axis . (w x arm) = w . (arm x axis)
-            held = blocks[:, end, None, None] != GROUND
-            values.append(sign * held * np.concatenate([axes, turned], axis=2))
-        local = np.array(values)
-        row = np.broadcast_to(np.arange(3 * len(axes)).reshape(-1, 3, 1), local.shape)
-        column = np.broadcast_to(
-            6 * np.maximum(blocks.T[:, :, None, None], 0) + np.arange(6), local.shape
-        )
-        shape = (3 * len(axes), 6 * len(self.blocks))
-        return csr_matrix((local.ravel(), (row.ravel(), column.ravel())), shape)
+        count = len(self.blocks)
+        shape = (3 * len(self.axes), 6 * (count + 1))  # the last block: GROUND
+        row = np.arange(shape[0]).reshape(-1, 3, 1)
+        found = csr_matrix(shape)
+        for sign, block, arm in self.ends:
+            turned = np.cross(arm[:, None] / self.size, self.axes)  # axis . (w x arm)
+            local = sign * np.concatenate([self.axes, turned], axis=2)
+            column = 6 * (block[:, None, None] % (count + 1)) + np.arange(6)
+            places = [np.broadcast_to(index, local.shape).ravel() for index in (row, column)]
+            found += csr_matrix((local.ravel(), places), shape)
+        return found[:, : 6 * count]
 
     def generalised(self, load: Array) -> Array:
         """Forces that go with the motions, from a load of all blocks, shape (6 moving blocks,)."""
         moving = load[self.number >= 0].copy()
         moving[:, 3:] /= self.size
         return moving.ravel()
+
+    def mode(self, motion: Array) -> Array:
+        """Motions of all blocks, shape (blocks, 6), that go with generalised ones.
+
+        Scaled to a largest velocity of 1.
+        """
+        mode = np.zeros((len(self.blocks), 6))
+        mode[self.number >= 0] = motion.reshape(-1, 6)
+        mode[:, 3:] /= self.size
+        return np.asarray(mode / np.linalg.norm(mode[:, :3], axis=1).max(initial=1e-300))
 
     @cached_property
     def given_force(self) -> Array:
@@ -172,15 +199,10 @@ class Structure:
         Points that carry tension up to f_t A have N' = N + f_t A >= 0; a bar that yields at Y has
         the tension Y / 2 - t with |t| <= Y / 2.
         """
-        points = self.points
-        given = np.zeros((len(points.area) + len(self.bars), 3))
-        given[: len(points.area), 0] = -points.area * self._of_points("tensile_strength")
-        given[len(points.area) :, 1] = [-0.5 * bar.tie.yield_ for bar in self.bars]
+        given = np.zeros((len(self.areas), 3))
+        given[:, 0] = -self.areas * self.of_units("tensile_strength")
+        given[len(self.points.area) :, 1] = -0.5 * self.yields
         return given
-
-    def _of_points(self, name: str) -> Array:
-        """A value of the laws at all points."""
-        return np.array([getattr(law, name) for law in self.laws])[self.points.contact]
 
     def point_forces(self, force: Array) -> Array:
         """Forces of points along their contact's axes, N, shape (points, 3), from the engine's."""
@@ -192,17 +214,14 @@ class Structure:
 
     def face_model(self, sign: float = 1.0) -> FaceModel:
         """What the engine sees, with the live load or the reverse of it (sign -1)."""
-        points = self.points
-        count = len(points.area)
-        none = np.zeros(len(self.bars))
-        area = np.maximum(points.area, 1e-6 * points.area.max())
+        count = len(self.points.area)
+        area = np.maximum(self.points.area, 1e-6 * self.points.area.max())
         compliance = np.outer(self.size / area, [1.0, 1.0 / SHEAR, 1.0 / SHEAR])
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])
-        friction = np.append(self._of_points("friction"), none)
-        cohesion = self._of_points("cohesion") * points.area
-        strength = np.append(cohesion, [0.5 * bar.tie.yield_ for bar in self.bars])
-        strength += friction * self.given_force[:, 0]
+        friction = self.of_units("friction")
+        strength = self.of_units("cohesion") * self.areas + friction * self.given_force[:, 0]
+        strength[count:] = 0.5 * self.yields
         # Springs have no force as drawn, but the prestress of bars, before the ground moves.
         rest = self.given_force.copy()
         for k, bar in enumerate(self.bars, count):
@@ -210,18 +229,17 @@ class Structure:
             compliance[k, 1] = self.young / bar.tie.stiffness if bar.tie.stiffness else typical[1]
         offset = compliance * rest
         if self.moved is not None:
-            motion = self.young * self.moved * np.repeat([1.0, self.size], 3)
-            offset += np.asarray(self._motions @ motion.ravel()).reshape(offset.shape)
+            moved = self.young * self.moved * np.repeat([1.0, self.size], 3)
+            offset += np.asarray(self._motions @ moved.ravel()).reshape(offset.shape)
         motion = self.relative_motion()
-        given = np.asarray(motion.T @ self.given_force.ravel())
         return FaceModel(
             motion=motion,
             pressing=1,
-            dead=self.generalised(self.dead) + given,
+            dead=self.generalised(self.dead) + np.asarray(motion.T @ self.given_force.ravel()),
             live=sign * self.generalised(self.live),
             strength=np.maximum(strength, 0.0),
             friction=friction,
-            dilatancy=np.append(self._of_points("dilatancy"), none),
+            dilatancy=self.of_units("dilatancy"),
             compliance=compliance,
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
