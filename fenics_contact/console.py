@@ -218,10 +218,7 @@ def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
         ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
         soils = soil_lines(soil_forces(result.layout, end.joints), words.units)
         told += [(name, line) for line in (*mine, *ties, *soils)]
-    more: list[str] = []
-    if states := [(name, line) for name, line in told if line.states]:
-        more.append("; ".join(words.merged(states, limits)))
-    more += words.merged([(name, line) for name, line in told if not line.states], limits)
+    more = words.together(told, limits)
     if (curve := result.curve_end) and (curve.not_found or not curve.on_plateau):
         more.append(str(curve))
     more += _accuracy(result)[-1:]

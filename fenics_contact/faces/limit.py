@@ -71,29 +71,41 @@ class FaceSearch:
         self._near = near
         self._certifier = Certifier(model, self.equations)
 
-    def run(self) -> FaceState | None:
-        """Search until a state has the gap asked for; the best one."""
-        state, work = self.with_coulomb()
-        if not self.is_found:
-            self.with_given_part(state, work)
-        if not self.is_found:
-            self.from_best()
-        if not self.is_found:
-            self.from_associative()
+    def run(self, hopeless: Callable[[], bool] | None = None) -> FaceState | None:
+        """Search until a state has the gap asked for; the best one.
+
+        Args:
+            hopeless: Whether to look no further, asked once the elastic state led to none so good.
+                States beside the best one are then looked for first, as long as gaps fall.
+        """
+        state, work = self._with_coulomb(self.work)
+        rounds = 1
+        if hopeless is not None and not self._found:
+            rounds = SEARCH.face_rounds
+            self._from_best(rounds)
+            if hopeless():
+                return self.best
+        if not self._found:
+            self._with_given_part(self.model.normal(np.maximum(state.force, 0.0)), work)
+        if not self._found:
+            self._from_best(rounds)
+        if not self._found:
+            self._from_associative()
         return self.best
 
-    def from_best(self) -> None:
-        """States of least gap for modes of the best state, its load factor free, as gaps fall."""
-        gap = np.inf
-        while self.best is not None and self.best.gap < 0.9 * gap and not self.is_spent:
-            gap = self.best.gap
+    def _from_best(self, rounds: int) -> None:
+        """States of least gap for modes of the best state, their load factors let free."""
+        for _ in range(rounds):
+            before = self.best
+            if before is None:
+                return
             self._check_stop()
-            found = self._certifier.of(self.best.force)
-            self._take("the best state", self.best.load_factor, found)
-            if self.is_found:
-                break
+            self._take("the best state", before.load_factor, self._certifier.of(before.force))
+            best = self.best or before
+            if self._found or self.is_spent or not best.gap < 0.9 * before.gap:
+                return
 
-    def from_associative(self) -> None:
+    def _from_associative(self) -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
@@ -111,7 +123,7 @@ class FaceSearch:
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
             self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
-            if self.is_found:
+            if self._found:
                 return
 
     @property
@@ -120,8 +132,7 @@ class FaceSearch:
         return SEARCH.first_work * elastic_response(self.model, self.equations).work
 
     @property
-    def is_found(self) -> bool:
-        """Whether the best state is as good as asked for."""
+    def _found(self) -> bool:
         return self.best is not None and self._rank(self.best) < (False, False, self._asked)
 
     def _rank(self, state: FaceState) -> tuple[bool, bool, float]:
@@ -135,17 +146,16 @@ class FaceSearch:
         """Whether no more factorisations are allowed."""
         return self.equations.factorizations >= self._effort
 
-    def with_coulomb(self) -> tuple[Iterate, float]:
+    def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         model = self.model
-        work = self.work
         for again in range(SEARCH.works):
             work *= SEARCH.work_growth if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, self._near)
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > SEARCH.far_apart * model.size(state.load_factor)
             near = state.gap < SEARCH.rough_gap / SEARCH.decade
-            if self.is_found or self.is_spent or not (near and below):
+            if self._found or self.is_spent or not (near and below):
                 break
         return state, work
 
@@ -155,10 +165,9 @@ class FaceSearch:
         response = elastic_response(self.model, self.equations)
         return self.model.normal(np.maximum(response.dead_force, 0.0))
 
-    def with_given_part(self, start: Iterate, work: float) -> None:
-        """Steps with half of Coulomb's law, the rest of the bound given, from a state's forces."""
+    def _with_given_part(self, pressed: Array, work: float) -> None:
+        """Steps with half of Coulomb's law, the rest of the bound given, from some forces."""
         model = self.model
-        pressed = model.normal(np.maximum(start.force, 0.0))
         theta = 0.5
         for _ in range(SEARCH.face_rounds):
             if self.is_spent:
@@ -174,7 +183,7 @@ class FaceSearch:
             pressed = own if near else 0.5 * (pressed + own)
             if near and missed < SEARCH.part_gap:
                 self._certified(f"theta {theta:g}", state, work)
-                if self.is_found or missed < SEARCH.gap:
+                if self._found or missed < SEARCH.gap:
                     break
 
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:

@@ -156,6 +156,12 @@ class Wording:
         whole = {1: math.ceil, -1: math.floor}.get(outward, round)(count)
         return f"{whole * 10.0 ** (exponent + 1 - digits):.{max(digits - 1 - exponent, 0)}f}"
 
+    def together(self, told: Sequence[tuple[str, Line]], of: Collection[str]) -> list[str]:
+        """Lines as of `merged`; those on other collapse states are the first."""
+        states = self.merged([item for item in told if item[1].states], of)
+        others = self.merged([item for item in told if not item[1].states], of)
+        return ["; ".join(states)] * bool(states) + others
+
     def merged(self, told: Sequence[tuple[str, Line]], of: Collection[str]) -> list[str]:
         """Lines, each with its direction, as text: those with one head are one.
 

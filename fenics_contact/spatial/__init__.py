@@ -5,9 +5,10 @@ contact carries pressure and Coulomb friction at points. Blocks are rigid; faces
 """
 
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
-from fenics_contact.spatial.limit import LimitLoad, limit_load, standing
+from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
 
 __all__ = [
@@ -16,7 +17,6 @@ __all__ = [
     "Force",
     "Foundation",
     "JointLaw",
-    "LimitLoad",
     "Load",
     "Material",
     "Movement",
@@ -27,6 +27,7 @@ __all__ = [
     "Seismic",
     "Sides",
     "SolveOptions",
+    "SpatialLimit",
     "Tie",
     "limit_load",
     "standing",

@@ -165,7 +165,11 @@ class Crushing:
             bound.ravel(),
             power.ravel(),
         ]
-        weights = [[-1.0], np.outer(cost * size, [1.0, 0.0, 0.0]).ravel(), np.zeros(2 * count)]
+        weights = [
+            np.array([-1.0]),
+            np.outer(cost * size, [1.0, 0.0, 0.0]).ravel(),
+            np.zeros(2 * count),
+        ]
         cones = [
             clarabel.ZeroConeT(len(model.live)),
             clarabel.NonnegativeConeT(np.count_nonzero(presses) + 4 * count),
@@ -173,7 +177,11 @@ class Crushing:
             *(clarabel.GenPowerConeT([1 / 3, 1 / 3, 1 / 3], 1) for _ in range(count)),
         ]
         matrix = sp.bmat(rows, "csc")
-        program = (sp.csc_matrix((matrix.shape[1],) * 2), np.concatenate(weights), matrix)
+        program: tuple[Any, ...] = (
+            sp.csc_matrix((matrix.shape[1],) * 2),
+            np.concatenate(weights),
+            matrix,
+        )
         for fraction in STEPS:
             settings = clarabel.DefaultSettings()
             settings.verbose = False

@@ -13,8 +13,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,13 +28,19 @@ from fenics_contact.limit_load import Monitor
 from fenics_contact.results.values import large
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import missed, residuals_of
-from fenics_contact.spatial.crushing import crushed_collapse
-from fenics_contact.spatial.record import write_result
-from fenics_contact.spatial.result import SEARCHED, SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.crushing import CrushedState, crushed_state
+from fenics_contact.spatial.result import SEARCHED, SpatialCollapse, SpatialLimit, named
 from fenics_contact.spatial.scene import Scene, SolveOptions
 from fenics_contact.spatial.seismic import seismic_check
 from fenics_contact.spatial.structure import Structure
-from fenics_contact.workers import asked_to_stop, last_result_of, ranks_of, result_of, workers_of
+from fenics_contact.workers import (
+    InPlace,
+    asked_to_stop,
+    last_result_of,
+    ranks_of,
+    result_of,
+    workers_of,
+)
 
 _log = logging.getLogger("fenics_contact")
 
@@ -51,36 +55,19 @@ NO_EQUILIBRIUM = "there is no equilibrium under the dead load alone"
 UNLIMITED = "nothing limits the live load"
 
 
-class LimitLoad(SpatialLimit):
-    """Result of `limit_load`, with its files."""
-
-    @checked
-    def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
-        """Write result.json and what the scene's output options say; the folder is made.
-
-        Once `hurry` is true only result.json is written.
-
-        Raises:
-            OutputError: If a file cannot be written; the folder is then as it was.
-        """
-        write_result(self, Path(folder), hurry)
-
-
 @checked
 def limit_load(
     scene: Scene,
     monitor: Monitor | None = None,
     *,
-    progress: bool = False,
     stop: Callable[[], str] = lambda: "",
     beside: Executor | None = None,
-) -> LimitLoad:
+) -> SpatialLimit:
     """Compute the limit load of a scene in space.
 
     Args:
         scene: What to solve.
         monitor: Told by `phase(text)` what begins.
-        progress: Print what begins, where there is no monitor.
         stop: Asked now and then who wants the run to end, in words; empty while nobody does. What
             is known by then is the result.
         beside: Does whole tasks beside this process, see `fenics_contact.workers`: the other
@@ -96,40 +83,38 @@ def limit_load(
     built = time.perf_counter() - start
     for text in structure.warnings:
         _log.warning("warning: %s", text)
-    if progress and monitor is None:
-        from fenics_contact.console import Progress
-
-        monitor = Progress(SEARCH.usual_tolerance)
     tell = (lambda text: None) if monitor is None else monitor.phase
-    reason = within(scene.solve.time, stop)
-    direction = scene.solve.direction
-    here, *others = tuple(SIGNS) if direction == "both" else (direction,)
+    check_stop = _check(scene, stop)
+    asked = scene.solve.direction
+    here, *others = SIGNS if asked == "both" else (asked,)
     tasks = {}
     if beside is not None and workers_of(beside):
-        tasks = {n: beside.submit(solved_beside, structure, scene, SIGNS[n]) for n in others}
-    found = {}
-    for name in (here,) if tasks else (here, *others):
-        found[name] = _solved(structure, scene, SIGNS[name], reason, tell)
+        tasks = {name: beside.submit(solved_beside, structure, scene, name) for name in others}
+    found = {
+        name: _solved(structure, scene, name, check_stop, tell)
+        for name in (here, *others)
+        if name not in tasks
+    }
     for name, task in tasks.items():
         try:
-            found[name] = result_of(task, _check(reason))
+            found[name] = result_of(task, check_stop)
         except Stopped as stopped:
-            known = last_result_of(task, beside) if beside is not None else None
-            nothing = SpatialCollapse("not_converged", sign=SIGNS[name], reason=str(stopped))
-            found[name] = known or replace(nothing, stopped=str(stopped))
+            why = str(stopped)
+            nothing = SpatialCollapse(sign=SIGNS[name], reason=why, stopped=why)
+            found[name] = last_result_of(task, beside or InPlace()) or nothing
     total = time.perf_counter() - start
     seconds = {"read": built, "solve": total - built, "total": total}
-    return LimitLoad(scene, structure, found, seconds, ranks_of(beside), structure.warnings)
+    return SpatialLimit(scene, structure, found, seconds, ranks_of(beside))
 
 
-def solved_beside(structure: Structure, scene: Scene, sign: float) -> SpatialCollapse:
+def solved_beside(structure: Structure, scene: Scene, direction: str) -> SpatialCollapse:
     """A task: the collapse in one direction."""
-    reason = within(scene.solve.time, asked_to_stop)
-    return _solved(structure, scene, sign, reason, lambda text: None)
+    return _solved(structure, scene, direction, _check(scene, asked_to_stop), lambda text: None)
 
 
-def _check(reason: Callable[[], str]) -> Callable[[], None]:
-    """What raises `Stopped` once there is a reason to end."""
+def _check(scene: Scene, stop: Callable[[], str]) -> Callable[[], None]:
+    """What raises `Stopped` once the time of a scene is over, or somebody asks to end."""
+    reason = within(scene.solve.time, stop)
 
     def check_stop() -> None:
         if text := reason():
@@ -141,20 +126,20 @@ def _check(reason: Callable[[], str]) -> Callable[[], None]:
 def _solved(
     structure: Structure,
     scene: Scene,
-    sign: float,
-    reason: Callable[[], str],
+    direction: str,
+    check_stop: Callable[[], None],
     tell: Callable[[str], None],
 ) -> SpatialCollapse:
     """The collapse in one direction with all that the scene asks for."""
     options = scene.solve
-    check_stop = _check(reason)
+    sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
     found = collapse_of(structure, sign, options.gap, check_stop)
     if found.status != "limit":
         return found
     model = structure.face_model(sign)
     try:
-        if (options.lowest or options.states == "lowest") and not crushes(structure):
+        if (options.lowest or options.states == "lowest") and not np.any(structure.crushes):
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
         if not options.fast:
@@ -164,16 +149,7 @@ def _solved(
             found = replace(found, upper=np.inf if end is None else sign * end)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
-    if scene.seismic is not None:
-        sizes = [float(np.linalg.norm(load.acceleration)) for load in (scene.dead, scene.live)]
-        check = seismic_check(structure, found, (sizes[0], sizes[1]), scene.seismic)
-        found = replace(found, seismic=check)
-    return found
-
-
-def crushes(structure: Structure) -> bool:
-    """Whether some contact has a compressive strength."""
-    return any(np.isfinite(law.compressive_strength) for law in structure.laws)
+    return replace(found, seismic=seismic_check(structure, found, scene))
 
 
 def collapse_of(
@@ -191,61 +167,48 @@ def collapse_of(
         check_stop: May raise `Stopped` between solves: what is known by then is the result.
     """
     model = structure.face_model(sign)
-    nothing = SpatialCollapse("not_converged", sign=sign)
     if fall := falling(structure, model):
-        return replace(nothing, status="unstable", reason=NO_EQUILIBRIUM, falling=fall)
+        why = f"{NO_EQUILIBRIUM}: {named(structure, fall, 'fall')}"
+        return SpatialCollapse("unstable", sign=sign, reason=why, falling=fall)
     search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
+    crushes = bool(np.any(structure.crushes))
+    wedged: tuple[int, ...] = ()
+
+    def unlimited() -> bool:
+        nonlocal wedged
+        if search.best is None or search.best.gap > SEARCH.rough_gap:
+            wedged = wedged_blocks(structure, model)
+        return bool(wedged)
+
     stopped = ""
+    why = "the search found no state"
+    state: FaceState | CrushedState | None = None
     try:
-        wedged = _searched(structure, search)
-        if wedged:
-            unbounded = replace(nothing, status="unbounded", load_factor=sign * np.inf)
-            return replace(unbounded, upper=sign * np.inf, reason=UNLIMITED, falling=wedged)
-    except Stopped as stop:
-        stopped = str(stop)
-    except SolverError as error:
-        _log.info("  %s", error)
-    known = {
-        "attempts": tuple(search.attempts),
-        "factorizations": search.equations.factorizations,
-        "stopped": stopped,
-    }
-    if search.best is None:
-        return replace(nothing, reason=stopped or "the search found no state", **known)
-    found = as_collapse(structure, search.best, sign, asked)
-    if crushes(structure):
-        try:
-            force = search.best.force
-            found = crushed_collapse(structure, found, force, asked, check_stop)
-        except Stopped as stop:
-            stopped = str(stop)
-            found = replace(nothing, reason=f"{stopped}; crushing is not in the state found")
-        found = held_against_problem(structure, found, asked)
-    if stopped and found.status != "limit":
-        found = replace(found, reason=f"{stopped}; {found.reason}")
-    return replace(found, **known)
-
-
-def _searched(structure: Structure, search: FaceSearch) -> tuple[int, ...]:
-    """Search until a state has the gap asked for; blocks that wedge where nothing limits the load.
-
-    The state beside a good one is looked for before any other friction bound is tried.
-    """
-    state, work = search.with_coulomb()
-    if not search.is_found:
-        search.from_best()
-    best = search.best
-    if best is None or best.gap > SEARCH.rough_gap:
-        wedged = wedged_blocks(structure, search.model)
-        if wedged:
-            return wedged
-    if not search.is_found:
-        search.with_given_part(state, work)
-    if not search.is_found:
-        search.from_best()
-    if not search.is_found:
-        search.from_associative()
-    return ()
+        state = search.run(unlimited)
+        if state is not None and crushes and not wedged:
+            why = "no state was found that does not crush"
+            state = crushed_state(structure, model, state.force, asked, check_stop)
+    except (Stopped, SolverError) as end:
+        why = str(end)
+        stopped = why * isinstance(end, Stopped)
+        state = None if crushes else search.best
+    if wedged:
+        limit = sign * np.inf
+        why = f"{UNLIMITED}: {named(structure, wedged, 'wedge')}"
+        return SpatialCollapse(
+            "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedged
+        )
+    found = SpatialCollapse(sign=sign, reason=why)
+    if state is not None:
+        found = as_collapse(structure, state, sign, asked)
+        if stopped and found.status != "limit":
+            found = replace(found, reason=f"{stopped}; {found.reason}")
+    return replace(
+        found,
+        attempts=tuple(search.attempts),
+        factorizations=search.equations.factorizations,
+        stopped=stopped,
+    )
 
 
 def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) -> tuple[int, ...]:
@@ -270,9 +233,8 @@ def wedged_blocks(structure: Structure, model: FaceModel) -> tuple[int, ...]:
         return ()
     force = np.linalg.norm(state.force, axis=1)[: len(structure.points.area)]
     size = np.zeros(len(structure.blocks))
-    for name in ("first", "second"):
-        numbers = np.array([getattr(contact, name) for contact in structure.contacts])
-        np.maximum.at(size, numbers[structure.points.contact], force)
+    for _, block, _ in structure.ends:
+        np.maximum.at(size, block[: len(force)], force)
     return _numbers(structure, size[structure.number >= 0])
 
 
@@ -282,41 +244,23 @@ def _numbers(structure: Structure, size: Array) -> tuple[int, ...]:
 
 
 def as_collapse(
-    structure: Structure, state: FaceState, sign: float, asked: float = SEARCH.gap
+    structure: Structure, state: FaceState | CrushedState, sign: float, asked: float
 ) -> SpatialCollapse:
-    """A certified state in the terms of the structure, held against it."""
-    mode = np.zeros((len(structure.blocks), 6))
-    mode[structure.number >= 0] = state.mode.reshape(-1, 6)
-    mode[:, 3:] /= structure.size
-    mode /= np.linalg.norm(mode[:, :3], axis=1).max(initial=1e-300)
+    """A state in the terms of the structure, held against it; no limit where it misses much."""
     found = SpatialCollapse(
         "limit",
         sign * state.load_factor,
         max(state.gap, 0.0),
-        mode=mode,
+        mode=structure.mode(state.mode),
         force=structure.point_forces(state.force),
         tension=structure.tensions(state.force),
         sign=sign,
     )
-    return held_against_problem(structure, found, asked)
-
-
-def held_against_problem(
-    structure: Structure, found: SpatialCollapse, asked: float
-) -> SpatialCollapse:
-    """A collapse with its residuals; none if one of them is too large."""
-    if found.force is None:
-        return found
-    residuals = {**residuals_of(structure, found), **found.residuals}
-    text = missed(residuals, asked)
-    if text:
-        return replace(
-            found,
-            status="not_converged",
-            residuals=residuals,
-            reason=f"the best state, with load factor {found.load_factor:.6g}, misses {text}",
-        )
-    return replace(found, residuals=residuals)
+    found = replace(found, residuals=residuals_of(structure, found))
+    if text := missed(found.residuals, asked):
+        reason = f"the best state, with load factor {found.load_factor:.6g}, misses {text}"
+        return replace(found, status="not_converged", reason=reason)
+    return found
 
 
 def _with_lowest(
@@ -331,44 +275,39 @@ def _with_lowest(
     Raises:
         Stopped: If the search is to end.
     """
-    names = list(STARTS) if options.states == "lowest" else list(STARTS)[:1]
-    best: FaceState | None = None
+    instead = options.states == "lowest"
     spent = found.factorizations
-    for name in names:
+    best: FaceState | None = None
+    for start in list(STARTS.values())[: None if instead else 1]:
         search = FaceSearch(model, SEARCH.side_accuracy, EFFORT, check_stop)
-        state = lowest_from(search, STARTS[name])
+        state = lowest_from(search, start)
         spent += search.equations.factorizations
         if state is not None and (best is None or state.load_factor < best.load_factor):
             best = state
-    found = replace(found, factorizations=spent)
     if best is None:
-        return found
-    lower = best.load_factor < found.sign * found.load_factor
-    lowest = found.sign * best.load_factor if lower else found.load_factor
-    if lower and options.states == "lowest":
-        state_found = as_collapse(structure, best, found.sign, options.gap)
-        if state_found.status == "limit":
-            kept: dict[str, Any] = {"attempts": found.attempts, "factorizations": spent}
-            found = replace(state_found, searched=SEARCHED, **kept)
-    return replace(found, lowest=lowest)
+        return replace(found, factorizations=spent)
+    least = min(best.load_factor, found.sign * found.load_factor)
+    if instead and best.load_factor == least:
+        lowest = as_collapse(structure, best, found.sign, options.gap)
+        if lowest.status == "limit":
+            found = replace(lowest, searched=SEARCHED, attempts=found.attempts)
+    return replace(found, lowest=found.sign * least, factorizations=spent)
 
 
 @checked
-def standing(scene: Scene, load_factor: float = 0.0) -> LimitLoad:
+def standing(scene: Scene, load_factor: float = 0.0) -> SpatialLimit:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
     structure = scene.structure()
     model = structure.face_model()
-    fall = falling(structure, model, load_factor)
-    if fall:
-        reason = NO_EQUILIBRIUM if not load_factor else "there is no equilibrium under these loads"
-        found = SpatialCollapse("unstable", reason=reason, falling=fall)
-    else:
-        state = state_under(model, load_factor)
-        found = SpatialCollapse("not_converged", reason="no state was found")
-        if state is not None:
-            force = structure.point_forces(state.force)
-            tension = structure.tensions(state.force)
-            found = SpatialCollapse("equilibrium", load_factor, force=force, tension=tension)
+    found = SpatialCollapse(reason="no state was found")
+    if fall := falling(structure, model, load_factor):
+        why = NO_EQUILIBRIUM if not load_factor else "there is no equilibrium under these loads"
+        why = f"{why}: {named(structure, fall, 'fall')}"
+        found = SpatialCollapse("unstable", reason=why, falling=fall)
+    elif (state := state_under(model, load_factor)) is not None:
+        force = structure.point_forces(state.force)
+        tension = structure.tensions(state.force)
+        found = SpatialCollapse("equilibrium", load_factor, force=force, tension=tension)
     total = {"total": time.perf_counter() - start}
-    return LimitLoad(scene, structure, {"positive": found}, total, 1, structure.warnings)
+    return SpatialLimit(scene, structure, {"positive": found}, total)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import key_of
 from fenics_contact.output.files import BRACKET, strict
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
@@ -61,112 +60,92 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     words = replace(result.wording, units=result.scene.units.of_report)
     found, more = result.answer(words)
     structure = result.structure
-    moving = sum(not block.fixed for block in structure.blocks)
     gap = result.scene.solve.gap
-    views = dict(zip(result.directions, views_of(result).values(), strict=True))
-    directions = {n: _collapse_record(one, views[n], gap) for n, one in result.directions.items()}
-    first = next(iter(directions.values()))
-    record = {
+    views = views_of(result).values()
+    parts = zip(result.directions.items(), views, strict=True)
+    ends = {name: _collapse_record(end, view, gap) for (name, end), view in parts}
+    first = next(iter(ends.values()))
+    return {
+        **first,
         "status": result.status,
         "dimension": 3,
         "title": result.scene.title,
         "answer": {"question": words.question, "found": found, "more": more},
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        **{key: first[key] for key in first if key not in ("status", "load_factor", "mechanism")},
-        "reason": result.reason() or None,
-        "stopped": result.stopped or None,
+        "reason": result.reason(),
+        "stopped": result.stopped,
         "iterations": {"factorizations": result.factorizations},
         "mesh": {
             "bodies": len(structure.blocks),
-            "floating_bodies": moving,
+            "floating_bodies": int(np.count_nonzero(structure.number >= 0)),
             "contacts": len(structure.contacts),
             "joint_points": len(structure.points.area),
             "ties": len(structure.bars),
         },
         "scene": scene_record(result),
-        "ends": {} if result.status == "unstable" else directions,
-        "ways": {name: words.way(name) for name in directions},
+        "ends": {} if result.status == "unstable" else ends,
+        "ways": {name: words.way(name) for name in ends},
         "acceleration": words.acceleration,
-        "directions": directions,
-        "warnings": list(result.warnings),
+        **({"negative": ends["negative"]} if len(ends) > 1 else {}),
+        "warnings": list(structure.warnings),
         "ranks": result.ranks,
         "version": __version__,
         "versions": compat.versions(),
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
     }
-    if len(directions) > 1:
-        record["negative"] = directions["negative"]
-    return record
 
 
 def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float) -> dict[str, Any]:
     """What is known of one direction, of which a gap was asked for."""
     limit = collapse.status == "limit"
-    moves: dict[str, Any] = {}
-    if limit and collapse.mode is not None:
-        moves = {**mechanism_record(view), "motion": collapse.mode.tolist()}
-    falling = collapse.status == "unstable"
-    wedged = collapse.status == "unbounded"
+    mode = collapse.mode
+    moves = (
+        {**mechanism_record(view), "motion": mode.tolist()} if limit and mode is not None else {}
+    )
+    falling = list(collapse.falling)
+    known = vars(collapse).items()
     return {
-        "status": collapse.status,
-        "load_factor": collapse.load_factor,
+        **{name: value for name, value in known if isinstance(value, (str, int, float, dict))},
         "engine": "faces",
-        "gap": collapse.gap,
         "proof": collapse_proof(collapse) if limit else None,
         "bounds": {name: getattr(collapse.bounds, name) for name in BRACKET},
-        "lowest": collapse.lowest,
-        "searched": collapse.searched or None,
-        "residuals": collapse.residuals or None,
-        "tolerances": tolerances(collapse.residuals, asked) or None,
+        "tolerances": tolerances(collapse.residuals, asked),
         "seismic": collapse.seismic and asdict(collapse.seismic),
-        "falling_blocks": list(collapse.falling) if falling else [],
-        "wedged_blocks": list(collapse.falling) if wedged else [],
+        "falling_blocks": falling if collapse.status == "unstable" else [],
+        "wedged_blocks": falling if collapse.status == "unbounded" else [],
         "tensions": None if collapse.tension is None else collapse.tension.tolist(),
-        "mechanism": moves or None,
+        "mechanism": moves,
         "attempts": [vars(attempt) for attempt in collapse.attempts],
-        "factorizations": collapse.factorizations,
-        "reason": collapse.reason or None,
     }
 
 
 def scene_record(result: SpatialLimit) -> dict[str, Any]:
     """What was solved."""
-    scene = result.scene
     structure = result.structure
-    resultants = {
-        name: (load[:, :3].sum(axis=0) + 0.0).tolist()
-        for name, load in (("dead", structure.dead), ("live", structure.live))
-    }
-    pairs = list(zip(structure.contacts, structure.laws, strict=True))
-    contacts = []
-    for key in dict.fromkeys(law.key for law in structure.laws):
-        areas = [float(contact.area) for contact, law in pairs if law.key == key]
-        contacts.append({"group": key, "contacts": len(areas), "area": sum(areas)})
-    groups = []
-    moving = [block for block in scene.blocks if not block.fixed]
-    for group in dict.fromkeys(block.group for block in moving):
-        volumes = [float(block.volume) for block in moving if block.group == group]
-        groups.append({"group": group, "blocks": len(volumes), "volume": sum(volumes)})
-    ties = {
-        name: {key_of(key): value for key, value in asdict(tie).items()}
-        for name, tie in scene.ties.items()
-    }
-    extent = np.array([block.extent for block in structure.blocks if not block.fixed])
+    moving = [block for block in structure.blocks if not block.fixed]
+    pairs = zip(structure.contacts, structure.laws, strict=True)
+    laws = [(law.key, float(c.area)) for c, law in pairs]
+    volumes = [(block.group, float(block.volume)) for block in moving]
+    extent = np.array([block.extent for block in moving])
     size = extent[:, 1].max(axis=0) - extent[:, 0].min(axis=0)
     return {
+        **result.scene.record(),
         "size": dict(zip(("width", "depth", "height"), size.tolist(), strict=True)),
-        "loads": {name: asdict(getattr(scene, name)) for name in ("dead", "live")},
-        "floors": {name: asdict(floor) for name, floor in scene.floors.items()},
-        "materials": {name: asdict(one) for name, one in scene.materials.items()},
-        "joints": {name: asdict(one) for name, one in scene.joints.items()},
-        "foundations": {name: asdict(one) for name, one in scene.foundations.items()},
-        "resultants": resultants,
-        "contacts": contacts,
-        "groups": groups,
-        "ties": ties,
-        "seismic": scene.seismic and asdict(scene.seismic),
-        "solve": asdict(scene.solve),
-        "quick": structure.quick,
+        "resultants": {
+            name: (getattr(structure, name)[:, :3].sum(axis=0) + 0.0).tolist()
+            for name in ("dead", "live")
+        },
+        "contacts": list(_summed(laws, "contacts", "area")),
+        "groups": list(_summed(volumes, "blocks", "volume")),
     }
+
+
+def _summed(
+    named: Sequence[tuple[str, float]], many: str, what: str
+) -> Iterator[dict[str, str | float]]:
+    """How many values groups have, and their sums."""
+    for group in dict.fromkeys(name for name, _ in named):
+        values = [value for name, value in named if name == group]
+        yield {"group": group, many: len(values), what: sum(values)}

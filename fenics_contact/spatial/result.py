@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
+from fenics_contact.errors import checked
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
-from fenics_contact.results.wording import LEVEL, Line, Wording
+from fenics_contact.results.values import NAMED
+from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.structure import Structure
 
-#: Blocks that a line names.
-NAMED = 5
 #: What forces at the corners of contacts leave out.
 QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
 #: What a state is that was searched for.
@@ -51,7 +52,7 @@ class SpatialCollapse:
         stopped: Why the search was ended early; empty where it was not.
     """
 
-    status: str
+    status: str = "not_converged"
     load_factor: float = np.nan
     gap: float = np.nan
     upper: float = np.inf
@@ -104,25 +105,23 @@ class SpatialWording(Wording):
 
 def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
     """How the load factors of a scene are told; `scene` is None for a structure alone."""
-    resultant = float(np.linalg.norm(structure.live[:, :3].sum(axis=0)))
+    resultant = structure.live[:, :3].sum(axis=0).tolist()
     if scene is None:
-        return SpatialWording(Units("SI", 1.0), load=resultant, both=both)
-    live = scene.live
-    push = live.acceleration
-    size = float(np.linalg.norm(push))
-    given = bool(live.traction) or bool(live.force)
-    down = scene.dead.acceleration
-    falls = down[2] < 0.0 and np.abs(down[:2]).max() <= LEVEL * abs(down[2])
-    level = size > 0.0 and abs(push[2]) <= LEVEL * size and live.profile == "uniform"
-    whole = falls and level and not given and all(f.mass for f in scene.floors.values())
-    return SpatialWording(
-        scene.units,
-        size if whole else None,
-        resultant,
-        forces=bool(live.force) and size == 0.0 and not live.traction,
-        both=both,
-        direction=tuple((push / size).tolist()) if whole else (),
-    )
+        return SpatialWording(Units("SI", 1.0), load=math.hypot(*resultant), both=both)
+    push = scene.live.acceleration
+    along = push / (np.linalg.norm(push) or 1.0)
+    loads = {}
+    for name in ("dead", "live"):  # in the upright plane of the push
+        load = getattr(scene, name)
+        body, *tractions = (
+            (float(vector @ along), float(vector[2]))
+            for vector in (load.acceleration, *map(np.array, load.traction.values()))
+        )
+        traction = dict(zip(load.traction, tractions, strict=True))
+        loads[name] = {**vars(load), "body": body, "traction": traction}
+    floors = {name: vars(floor) for name, floor in scene.floors.items()}
+    more = {"both": both, "direction": tuple(along.tolist())}
+    return SpatialWording.of(loads, floors, resultant, scene.units, **more)
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,6 @@ class SpatialLimit:
         directions: By "positive" and "negative".
         seconds: By what they were spent on.
         ranks: How many ranks shared the tasks.
-        warnings: On the scene.
     """
 
     scene: Any
@@ -143,7 +141,6 @@ class SpatialLimit:
     directions: dict[str, SpatialCollapse]
     seconds: dict[str, float] = field(default_factory=dict)
     ranks: int = 1
-    warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         title = getattr(self.scene, "title", "")
@@ -198,56 +195,41 @@ class SpatialLimit:
         """How its load factors are told."""
         return wording_of(self.scene, self.structure, both=len(self.directions) > 1)
 
-    def reason(self, collapse: SpatialCollapse | None = None) -> str:
+    def reason(self) -> str:
         """Why there is no limit load, of one direction or at all; empty where there is."""
-        several = self.directions.values() if collapse is None else (collapse,)
-        told = dict.fromkeys(self._reason(one) for one in several)
-        return "; ".join(filter(None, told))
-
-    def _reason(self, collapse: SpatialCollapse) -> str:
-        if not collapse.falling:
-            return collapse.reason
-        does = "wedge" if collapse.status == "unbounded" else "fall"
-        return f"{collapse.reason}: {named(self.structure, collapse.falling, does)}"
+        return "; ".join(dict.fromkeys(c.reason for c in self.directions.values() if c.reason))
 
     def summary(self, verbose: bool = False) -> str:
         """The answer in three to five lines; with all that is known of it, if that is wished."""
         found, more = self.answer(self.wording)
-        lines = [*found, *more]
-        if verbose:
-            lines += ["", *self._details()]
-        return "\n".join(lines)
+        return "\n".join([*found, *more, *(["", *self._details()] if verbose else [])])
+
+    @checked
+    def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
+        """Write result.json and what the scene's output options say; the folder is made.
+
+        Once `hurry` is true only result.json is written.
+
+        Raises:
+            OutputError: If a file cannot be written; the folder is then as it was.
+        """
+        from fenics_contact.spatial.record import write_result
+
+        write_result(self, Path(folder), hurry)
 
     def answer(self, words: Wording) -> tuple[list[str], list[str]]:
         """The collapse, or why none is known; and what else was asked, in lines for people."""
-        found = []
-        told = []
         amounts: dict[str, list[str]] = {}
+        told: list[tuple[str, Line]] = []
         limits = {n: c for n, c in self.directions.items() if c.status == "limit"}
         for name, collapse in limits.items():
             head = f"{collapse.searched}:" if collapse.searched else "it collapses at"
             amounts.setdefault(head, []).append(words.amount(collapse.load_factor, name))
             told += [(name, line) for line in _lines(collapse, words)]
-        found += [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
-        others = [(n, c) for n, c in self.directions.items() if n not in limits]
-        found += dict.fromkeys(self._without_limit(n, c, words) for n, c in others)
-        states = words.merged([item for item in told if item[1].states], limits)
-        more = ["; ".join(states)] if states else []
-        more += words.merged([item for item in told if not item[1].states], limits)
-        return found, [*more, *([QUICK] if self.structure.quick else [])]
-
-    def _without_limit(self, name: str, collapse: SpatialCollapse, words: Wording) -> str:
-        reason = self._reason(collapse)
-        if collapse.status == "equilibrium":
-            loads = "its dead load"
-            loads += f" and {words.at(collapse.load_factor)}" if collapse.load_factor else ""
-            return f"it stands under {loads}"
-        if collapse.status == "unstable":
-            return f"it does not stand under its dead load: {reason.partition(': ')[2]}"
-        if collapse.status == "unbounded":
-            first, _, blocks = reason.partition(": ")
-            return f"{first} {words.way(name)}".rstrip() + f": {blocks}"
-        return f"no collapse was found {words.way(name)}".rstrip() + f": {reason}"
+        found = [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
+        others = {n: c for n, c in self.directions.items() if n not in limits}
+        found += dict.fromkeys(_without_limit(n, c, words) for n, c in others.items())
+        return found, words.together(told, limits) + [QUICK] * self.structure.quick
 
     def _details(self) -> list[str]:
         """Proofs, residuals, what was tried, and time."""
@@ -263,6 +245,20 @@ class SpatialLimit:
                 lines.append(f"tried: {one.name}: {tried}, {one.factorizations} factorisations")
         total = self.seconds.get("total", 0.0)
         return [*lines, f"{counted(self.factorizations, 'factorisation')}, {total:.2f} s"]
+
+
+def _without_limit(name: str, collapse: SpatialCollapse, words: Wording) -> str:
+    """What is known where no limit load was found, in a sentence."""
+    what, _, blocks = collapse.reason.partition(": ")
+    if collapse.status == "equilibrium":
+        more = f" and {words.at(collapse.load_factor)}" * bool(collapse.load_factor)
+        return f"it stands under its dead load{more}"
+    if collapse.status == "unstable":
+        return f"it does not stand under its dead load: {blocks}"
+    way = f" {words.way(name)}".rstrip()
+    if collapse.status == "unbounded":
+        return f"{what}{way}: {blocks}"
+    return f"no collapse was found{way}: {collapse.reason}"
 
 
 def collapse_proof(collapse: SpatialCollapse) -> str:

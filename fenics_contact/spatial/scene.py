@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, checked, raised_together, require
+from fenics_contact.errors import InputError, checked, key_of, raised_together, require
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import (
@@ -208,6 +208,12 @@ class Scene(Checked, _Shared):
         laws: dict[str, JointLaw] = {f"joints.{name}": law for name, law in self.joints.items()}
         return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
+    def record(self) -> dict[str, Any]:
+        """All but the blocks, with the names and values of a scene file."""
+        shared = _Shared(**{name: getattr(self, name) for name in _Shared.__dataclass_fields__})
+        loads = asdict(_LoadTables(self.live, self.dead))
+        return {**asdict(shared, dict_factory=_named_by_keys), "loads": loads}
+
     @property
     def units(self) -> Units:
         """Units of what people read on the console: forces are of the whole structure."""
@@ -348,7 +354,10 @@ class Scene(Checked, _Shared):
                 if not end.fixed
             ]
             known = min((one for one in strengths if one is not None), default=np.inf)
-            laws.append(ContactLaw.of(key, every[key], known) if every[key].acts else None)
+            law = every[key]
+            shear = law.cohesion + (law.bound or 0.0)
+            values = law.friction or 0.0, shear, law.dilation, law.tensile_strength, known
+            laws.append(ContactLaw(*values, key) if law.acts else None)
         return laws
 
     def _pairs(self) -> dict[frozenset[str], str]:
@@ -446,6 +455,10 @@ class _SceneTables(_Shared):
     loads: _LoadTables
     dimension: int = 3
     blocks: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _named_by_keys(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    return {key_of(name): value for name, value in values}
 
 
 @dataclass(frozen=True)

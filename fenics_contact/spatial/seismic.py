@@ -7,10 +7,10 @@ import numpy as np
 from fenics_contact.answers.seismic import AS_ONE, SeismicCheck
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.scene.scene import Seismic
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import relative_motions
 from fenics_contact.spatial.result import SpatialCollapse
+from fenics_contact.spatial.scene import Scene
 from fenics_contact.spatial.structure import Structure
 
 
@@ -26,23 +26,13 @@ def rigid_parts(structure: Structure, mode: Array) -> Indices:
 
 
 def seismic_check(
-    structure: Structure,
-    collapse: SpatialCollapse,
-    accelerations: tuple[float, float],
-    options: Seismic,
+    structure: Structure, collapse: SpatialCollapse, scene: Scene
 ) -> SeismicCheck | None:
-    """The check of a collapse; None where no mass moves.
-
-    Args:
-        structure: With the live load as horizontal forces in proportion to weights.
-        collapse: Of either sign.
-        accelerations: Of the dead and of the live load at load factor 1, m/s2.
-        options: Confidence factor.
-    """
+    """The check of a collapse; None where the scene asks for none, or no mass moves."""
     mode = collapse.mode
-    if mode is None or not min(accelerations):
+    gravity, acceleration = (np.linalg.norm(load.acceleration) for load in (scene.dead, scene.live))
+    if scene.seismic is None or mode is None or not gravity * acceleration:
         return None
-    gravity, acceleration = accelerations
     speed = np.linalg.norm(mode[:, :3], axis=1)
     moving = (speed > SEARCH.slight * speed.max()) & (structure.number >= 0)
     part = rigid_parts(structure, mode)[moving]
@@ -52,9 +42,9 @@ def seismic_check(
     if not np.any(pushed):
         return None
     return SeismicCheck.of(
-        abs(collapse.load_factor) * acceleration / gravity,
-        gravity,
-        options,
+        float(abs(collapse.load_factor) * acceleration / gravity),
+        float(gravity),
+        scene.seismic,
         len(np.unique(part)),
         force[pushed] / acceleration,
         work[pushed] / force[pushed],

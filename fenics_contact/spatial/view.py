@@ -283,10 +283,9 @@ class ContactValues:
         rocks = np.where(closing > least, ContactState.OPENS, ContactState.ROCKS)
         slides = np.where(largest(slip) > least, ContactState.SLIDES, ContactState.CLOSED)
         state = np.where(opening > least, rocks, slides)
-        strong = np.isfinite([law.compressive_strength for law in structure.laws])
+        strong = structure.crushes
         if strong.any():
-            normal = np.append(force[:, 0], np.zeros(len(structure.bars)))
-            carried, most = Crushing.of(structure).strengths(normal)
+            carried, most = Crushing.of(structure).strengths(force[:, 0])
             crushes = (carried > CRUSHES * most) & (carried > NOTHING * carried.max())
             state[strong] = np.where(crushes, ContactState.CRUSHES, state[strong])
         return cls(total(force[:, 0]) / area, shear / area, used, opening, largest(slip), state)
