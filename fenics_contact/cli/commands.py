@@ -8,10 +8,11 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -98,67 +99,38 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     more = options.verbose
     say(f"reading {options.scene}", more)
     folder = _output_folder(options, comm)
-    if _in_space(options, comm):
-        return _solve_in_space(options, comm, beside, folder, say)
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     every = ["output.pictures=all"] if options.pictures else []
-    scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast, *every])
+    in_space = _in_space(options, comm)
+    scene = _scene_of(options, comm, [*options.overrides, *fast, *every])
+    find: Callable[..., Any] = limit_load
+    if in_space:
+        from fenics_contact.spatial.limit import limit_load as find
     read = time.perf_counter() - start
     count = comm.size * ranks_of(beside)
     ranks_told = f" on {counted(count, 'rank')}" if count > 1 else ""
-    say(f"{counted(scene.mesh.body_count, 'block')}{ranks_told}", more)
+    blocks = len(scene.blocks) if in_space else scene.mesh.body_count
+    say(f"{counted(blocks, 'block')}{ranks_told}", more)
     # mpirun passes a terminal on even where its own output goes to a file.
     over = MPI.COMM_WORLD.size == 1 and sys.stdout.isatty()
     shown = ProgressLine if over and not more else Progress
     with Signals() as signals:
         with contextlib.ExitStack() as stack:
-            progress = shown(scene.solve.tolerance)
+            progress = shown(SEARCH.usual_tolerance if in_space else scene.solve.tolerance)
             monitor = progress if loud and (more or over) else None
             if monitor is not None:
                 stack.callback(progress.close)
-            result = limit_load(scene, monitor, stop=signals, beside=beside)
+            result = find(scene, monitor, stop=signals, beside=beside)
             if scene.output.capacity and not result.stopped:
                 result = result.with_capacity(monitor, stop=signals)
         seconds = {"read": read, "total": result.seconds["total"] + read}
-        result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
-        say(summary(result, more) if loud else "")
+        result = replace(result, seconds={**result.seconds, **seconds})
+        result = result if in_space else result.hold_against_brackets()
+        say("" if not loud else result.summary(more) if in_space else summary(result, more))
         result.write(folder, lambda: _first(signals, comm) > 0, beside)
         say(f"written to {folder}", more)
         say(_next("report", folder))
         number = _first(signals, comm)
-    return BY_SIGNAL + number if number else EXIT_CODES[result.status]
-
-
-def _solve_in_space(
-    options: argparse.Namespace,
-    comm: MPI.Intracomm,
-    beside: Executor,
-    folder: Path,
-    say: Callable[..., None],
-) -> int:
-    """The same for a scene in space."""
-    from fenics_contact.spatial.limit import limit_load as limit_load_of_space
-    from fenics_contact.spatial.scene import Scene as SpatialScene
-
-    more = options.verbose
-    fast = ["solve.fast=true"] if options.fast else []
-    scene = SpatialScene.from_file(options.scene, comm, [*options.overrides, *fast])
-    count = comm.size * ranks_of(beside)
-    ranks_told = f" on {counted(count, 'rank')}" if count > 1 else ""
-    say(f"{counted(len(scene.blocks), 'block')}{ranks_told}", more)
-    over = MPI.COMM_WORLD.size == 1 and sys.stdout.isatty()
-    shown = ProgressLine if over and not more else Progress
-    with Signals() as signals:
-        with contextlib.ExitStack() as stack:
-            progress = shown(SEARCH.usual_tolerance)
-            monitor = progress if not options.quiet and (more or over) else None
-            if monitor is not None:
-                stack.callback(progress.close)
-            result = limit_load_of_space(scene, monitor, stop=signals, beside=beside)
-        say(result.summary(more))
-        result.write(folder, lambda: signals.number > 0)
-        say(f"written to {folder}", more)
-        number = signals.number
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
 
 
@@ -171,6 +143,15 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
 def _in_space(options: argparse.Namespace, comm: MPI.Comm) -> bool:
     """Whether a scene has three dimensions."""
     return read_toml(options.scene, comm, options.overrides).get("dimension") == 3
+
+
+def _scene_of(options: argparse.Namespace, comm: MPI.Comm, overrides: Sequence[str]) -> Any:
+    """A scene in the plane or in space."""
+    if _in_space(options, comm):
+        from fenics_contact.spatial.scene import Scene as SpatialScene
+
+        return SpatialScene.from_file(options.scene, comm, overrides)
+    return Scene.from_file(options.scene, comm, overrides)
 
 
 def _first(signals: Signals, comm: MPI.Comm) -> int:
@@ -231,26 +212,19 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
+    scene = _scene_of(options, comm, options.overrides)
     if _in_space(options, comm):
         from fenics_contact.spatial.check import description as of_space
         from fenics_contact.spatial.check import warnings_on
-        from fenics_contact.spatial.scene import Scene as SpatialScene
 
-        read = SpatialScene.from_file(options.scene, comm, options.overrides)
-        structure = read.structure()
-        text = of_space(read, structure)
-        return _checked(options, comm, text, warnings_on(read, structure))
-    with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
-        discretization.check_pushed()
-        text = description(discretization, options.verbose)
-        return _checked(options, comm, text, discretization.warnings)
-
-
-def _checked(
-    options: argparse.Namespace, comm: MPI.Comm, text: str, warnings: Iterable[str]
-) -> int:
-    """Print what is in a scene."""
-    lines = [text, *(f"warning: {warning}" for warning in warnings)]
+        structure = scene.structure()
+        lines = [of_space(scene, structure)]
+        lines += [f"warning: {text}" for text in warnings_on(scene, structure)]
+    else:
+        with Discretization(scene) as discretization:
+            discretization.check_pushed()
+            lines = [description(discretization, options.verbose)]
+            lines += [f"warning: {text}" for text in discretization.warnings]
     lines.append(_next("stands", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))
@@ -264,8 +238,6 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     folder = _output_folder(options, comm, "_state")
     factor = options.load_factor
-    if _in_space(options, comm):
-        return _stands_in_space(options, comm, folder)
     tables = read_toml(options.scene, comm, options.overrides)
     loads = tables.get("loads")
     pushed = isinstance(loads, dict) and "live" in loads
@@ -278,37 +250,30 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
             )
         is_table = isinstance(dead, dict)
         loads["live"] = {k: v for k, v in dead.items() if k != "movement"} if is_table else dead
-    scene = Scene.from_tables(
-        tables,
-        lambda file, blocks: BlockMesh.from_file(options.scene.parent / file, comm, blocks),
-    )
-    found = standing(scene, factor)
+    found: Any
+    if tables.get("dimension") == 3:
+        from fenics_contact.spatial.limit import standing as find
+        from fenics_contact.spatial.scene import Scene as SpatialScene
+
+        found = find(SpatialScene.from_tables(tables, options.scene.parent), factor)
+        warnings = found.structure.warnings
+    else:
+        scene = Scene.from_tables(
+            tables,
+            lambda file, blocks: BlockMesh.from_file(options.scene.parent / file, comm, blocks),
+        )
+        found = standing(scene, factor)
+        warnings = found.layout.warnings
     acting = "loads." if factor else "loads.dead."
     lines = [
         f"warning: {text}"
-        for text in found.layout.warnings
+        for text in warnings
         if text.startswith(acting) or not text.startswith("loads.")
     ]
     lines.append(found.summary(options.verbose))
     found.write(folder)
     lines.append(f"written to {folder}")
     if pushed and found.status == "equilibrium":
-        lines.append(_next("solve", options.scene, options.overrides))
-    if comm.rank == 0 and not options.quiet:
-        print("\n".join(lines), flush=True)
-    return EXIT_CODES.get(found.status, 0)
-
-
-def _stands_in_space(options: argparse.Namespace, comm: MPI.Comm, folder: Path) -> int:
-    """The same for a scene in space."""
-    from fenics_contact.spatial.limit import standing
-    from fenics_contact.spatial.scene import Scene as SpatialScene
-
-    scene = SpatialScene.from_file(options.scene, comm, options.overrides)
-    found = standing(scene, options.load_factor)
-    found.write(folder)
-    lines = [found.summary(options.verbose), f"written to {folder}"]
-    if found.status == "equilibrium":
         lines.append(_next("solve", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines), flush=True)

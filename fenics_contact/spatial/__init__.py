@@ -8,7 +8,7 @@ from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
 from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.result import SpatialLimit
+from fenics_contact.spatial.record import LimitLoad
 from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Force",
     "Foundation",
     "JointLaw",
+    "LimitLoad",
     "Load",
     "Material",
     "Movement",
@@ -27,7 +28,6 @@ __all__ = [
     "Seismic",
     "Sides",
     "SolveOptions",
-    "SpatialLimit",
     "Tie",
     "limit_load",
     "standing",

@@ -10,12 +10,10 @@ import numpy as np
 from fenics_contact.console import law_text
 from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.results.bounds import counted
+from fenics_contact.results.values import NAMED
 from fenics_contact.scene.rules import listed
 from fenics_contact.spatial.scene import Scene
 from fenics_contact.spatial.structure import Structure
-
-#: Blocks that a warning names.
-NAMED = 5
 
 
 def description(scene: Scene, structure: Structure) -> str:
@@ -30,7 +28,9 @@ def description(scene: Scene, structure: Structure) -> str:
         f"{counted(len(moving), 'block')} and {fixed} of ground, volume {volume:.6g} m3, mass"
         f" {units.mass(mass)}",
     ]
-    lines += [f"group {name}: {counted(n, 'block')}" for name, n in _groups(scene).items()]
+    groups = Counter(block.group for block in scene.blocks)
+    if len(groups) > 1:
+        lines += [f"group {name}: {counted(n, 'block')}" for name, n in groups.items()]
     pairs = list(zip(structure.contacts, structure.laws, strict=True))
     for key, law in scene.laws().items():
         kind, _, name = key.partition(".")
@@ -56,30 +56,17 @@ def description(scene: Scene, structure: Structure) -> str:
     return "\n".join(lines)
 
 
-def _groups(scene: Scene) -> Counter[str]:
-    """Numbers of blocks by groups, where there is more than one."""
-    groups = Counter(block.group for block in scene.blocks)
-    return groups if len(groups) > 1 else Counter()
-
-
 def warnings_on(scene: Scene, structure: Structure) -> Iterator[str]:
     """What is legal and probably meant otherwise."""
     yield from structure.warnings
     materials = {f"materials.{name}": material for name, material in scene.materials.items()}
     yield from unusual_values({**materials, **scene.laws()})
-    touching = {k for contact in structure.contacts for k in (contact.first, contact.second)}
-    moving = [k for k, block in enumerate(structure.blocks) if not block.fixed]
-    for numbers, text in (
-        ([k for k in moving if k not in touching], "touch no other: nothing holds them"),
-        (
-            [k for k in moving if not scene.material(structure.blocks[k]).density],
-            "have no weight: their material has no density",
-        ),
-    ):
-        if numbers:
-            names = listed(structure.blocks[k].name or str(k) for k in numbers[:NAMED])
-            more = ", ..." if len(numbers) > NAMED else ""
-            yield f"{counted(len(numbers), 'block')} {text} ({names}{more})"
+    light = [b for b in structure.blocks if not (b.fixed or scene.material(b).density)]
+    if light:
+        names = listed(block.name for block in light[:NAMED])
+        more = ", ..." if len(light) > NAMED else ""
+        what = "have no weight: their material has no density"
+        yield f"{counted(len(light), 'block')} {what} ({names}{more})"
     used = {law.key for law in structure.laws}
     for key, law in scene.laws().items():
         if law.acts and key not in {*used, "joints.default"}:

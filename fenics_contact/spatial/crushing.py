@@ -165,29 +165,23 @@ class Crushing:
             bound.ravel(),
             power.ravel(),
         ]
-        weights = [
-            np.array([-1.0]),
-            np.outer(cost * size, [1.0, 0.0, 0.0]).ravel(),
-            np.zeros(2 * count),
-        ]
+        weights = np.zeros(1 + 3 * units + 2 * count)
+        weights[0] = -1.0
+        weights[1 : 1 + 3 * units : 3] = cost * size
         cones = [
             clarabel.ZeroConeT(len(model.live)),
             clarabel.NonnegativeConeT(np.count_nonzero(presses) + 4 * count),
             *(clarabel.SecondOrderConeT(3) for _ in range(units)),
             *(clarabel.GenPowerConeT([1 / 3, 1 / 3, 1 / 3], 1) for _ in range(count)),
         ]
-        matrix = sp.bmat(rows, "csc")
-        program: tuple[Any, ...] = (
-            sp.csc_matrix((matrix.shape[1],) * 2),
-            np.concatenate(weights),
-            matrix,
-        )
+        quadratic = sp.csc_matrix((len(weights),) * 2)
+        program = (quadratic, weights, sp.bmat(rows, "csc"), np.concatenate(sides), cones)
         for fraction in STEPS:
             settings = clarabel.DefaultSettings()
             settings.verbose = False
             settings.max_threads = 1
             settings.max_step_fraction = fraction
-            found = clarabel.DefaultSolver(*program, np.concatenate(sides), cones, settings).solve()
+            found = clarabel.DefaultSolver(*program, settings).solve()
             if str(found.status) in ("Solved", "AlmostSolved"):
                 unknowns = np.array(found.x)
                 forces = unknowns[1 : 1 + 3 * units].reshape(-1, 3) * size

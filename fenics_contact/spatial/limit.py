@@ -29,7 +29,8 @@ from fenics_contact.results.values import large
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
-from fenics_contact.spatial.result import SEARCHED, SpatialCollapse, SpatialLimit, named
+from fenics_contact.spatial.record import LimitLoad
+from fenics_contact.spatial.result import SEARCHED, SpatialCollapse, named
 from fenics_contact.spatial.scene import Scene, SolveOptions
 from fenics_contact.spatial.seismic import seismic_check
 from fenics_contact.spatial.structure import Structure
@@ -62,7 +63,7 @@ def limit_load(
     *,
     stop: Callable[[], str] = lambda: "",
     beside: Executor | None = None,
-) -> SpatialLimit:
+) -> LimitLoad:
     """Compute the limit load of a scene in space.
 
     Args:
@@ -104,7 +105,7 @@ def limit_load(
             found[name] = last_result_of(task, beside or InPlace()) or nothing
     total = time.perf_counter() - start
     seconds = {"read": built, "solve": total - built, "total": total}
-    return SpatialLimit(scene, structure, found, seconds, ranks_of(beside))
+    return LimitLoad(scene, structure, found, seconds, ranks_of(beside))
 
 
 def solved_beside(structure: Structure, scene: Scene, direction: str) -> SpatialCollapse:
@@ -295,7 +296,7 @@ def _with_lowest(
 
 
 @checked
-def standing(scene: Scene, load_factor: float = 0.0) -> SpatialLimit:
+def standing(scene: Scene, load_factor: float = 0.0) -> LimitLoad:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
     structure = scene.structure()
@@ -310,4 +311,4 @@ def standing(scene: Scene, load_factor: float = 0.0) -> SpatialLimit:
         tension = structure.tensions(state.force)
         found = SpatialCollapse("equilibrium", load_factor, force=force, tension=tension)
     total = {"total": time.perf_counter() - start}
-    return SpatialLimit(scene, structure, {"positive": found}, total)
+    return LimitLoad(scene, structure, {"positive": found}, total)

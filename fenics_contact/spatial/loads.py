@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fenics_contact.errors import InputError, require
+from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.scene.rules import (
     FINITE,
@@ -259,12 +259,12 @@ class Floor(Checked):
         found = list(tops.of(blocks, near))
         require(bool(found), f"{key}: no block has a top side at z = {self.z:g}; move it")
         corners = np.vstack([loop[:, :2] for _, loop in found])
-        default = zip(corners.min(axis=0), corners.max(axis=0), strict=True)
-        given = [
-            wished or tuple(own) for wished, own in zip((self.x, self.y), default, strict=True)
-        ]
-        (west, east), (south, north) = given
-        plan = np.array([(west, south), (east, south), (east, north), (west, north)])
+        low = corners.min(axis=0)
+        high = corners.max(axis=0)
+        for axis, wished in enumerate((self.x, self.y)):
+            if wished is not None:
+                low[axis], high[axis] = wished
+        plan = np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
         parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
         parts = [(number, part) for number, part in parts if len(part)]
         require(bool(parts), f"{key}: no top side at z = {self.z:g} lies within x and y")
@@ -292,24 +292,19 @@ class Masses:
     def of_blocks(cls, blocks: Sequence[Block], density: Mapping[int, float]) -> Masses:
         """Points in the blocks of some numbers, whose sums are integrals of quadratic functions."""
         rule_of_four = np.full((4, 4), FAR) + (CLOSE - FAR) * np.eye(4)
-        number, position, mass = [], [], []
-        for block, heavy in density.items():
-            corners = _tetrahedra(blocks[block])
-            edges = corners[:, 1:] - corners[:, :1]
-            points = np.einsum("pk,tkd->tpd", rule_of_four, corners).reshape(-1, 3)
-            position.append(points)
-            mass.append(np.repeat(heavy * np.linalg.det(edges) / 24.0, 4))
-            number.append(np.full(len(points), block))
-        return cls(np.concatenate(number), np.vstack(position), np.concatenate(mass))
+        corners = [_tetrahedra(blocks[number]) for number in density]
+        count = [len(part) for part in corners]
+        every = np.concatenate(corners)
+        volume = np.linalg.det(every[:, 1:] - every[:, :1]) / 6.0
+        mass = np.repeat(list(density.values()), count) * volume / 4.0
+        number = np.repeat(list(density), count)
+        points = np.einsum("pk,tkd->tpd", rule_of_four, every).reshape(-1, 3)
+        return cls(np.repeat(number, 4), points, np.repeat(mass, 4))
 
     def with_(self, *others: Masses) -> Masses:
         """These and others."""
-        every = (self, *others)
-        return Masses(
-            np.concatenate([one.block for one in every]),
-            np.vstack([one.position for one in every]),
-            np.concatenate([one.mass for one in every]),
-        )
+        every = zip(*(vars(one).values() for one in (self, *others)), strict=True)
+        return Masses(*(np.concatenate(parts) for parts in every))
 
     def loads(
         self, blocks: Sequence[Block], acceleration: Array, factors: Array | float = 1.0
@@ -385,20 +380,18 @@ def numbered(
     Raises:
         InputError: If there is none, or more than one.
     """
+    where = f"'{name}'"
     numbers = [k for k, block in enumerate(blocks) if block.name == name]
-    if name is not None:
-        require(bool(numbers), f"{key}: there is no block '{name}'")
-        require(len(numbers) < 2, f"{key}: {len(numbers)} blocks are called '{name}'; give at")
-        return numbers[0]
-    place = np.array(at)
-    numbers = [
-        number
-        for number, block in enumerate(blocks)
-        if any(np.all(one.normals @ place - one.levels <= near) for one in block.pieces)
-    ]
-    text = "(" + ", ".join(f"{value:g}" for value in place) + ")"
-    if len(numbers) > 1:
-        names = listed(blocks[k].name or str(k) for k in numbers)
-        raise InputError(f"{key}: {text} is on a joint, of the blocks {names}; move it")
-    require(bool(numbers), f"{key}: there is no block at {text}")
+    if name is None:
+        where = "at (" + ", ".join(f"{value:g}" for value in at or ()) + ")"
+        place = np.array(at)
+        numbers = [
+            number
+            for number, block in enumerate(blocks)
+            if any(np.all(one.normals @ place - one.levels <= near) for one in block.pieces)
+        ]
+    require(bool(numbers), f"{key}: there is no block {where}")
+    names = listed(blocks[k].name or str(k) for k in numbers)
+    text = f"{key}: there are {len(numbers)} blocks {where}, {names}; give a place inside of one"
+    require(len(numbers) < 2, text)
     return numbers[0]

@@ -233,7 +233,7 @@ def _closed(corners: Any, sides: Iterable[Any]) -> tuple[Array, list[list[int]]]
     check_type("corners", corners, npt.ArrayLike)
     points = np.array(corners, dtype=float)
     right = points.ndim == 2 and points.shape[1] == 3 and 3 < len(points) <= 3 * MOST_SIDES
-    what = f"corners must be 4 to {3 * MOST_SIDES} points [x, y, z]"
+    what = f"corners must be 4 to {3 * MOST_SIDES} finite points [x, y, z]"
     require(bool(right and np.isfinite(points).all()), what)
     distance = cdist(points, points)
     first = np.argmax(distance <= SAME * distance.max(), axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.errors import checked
 from fenics_contact.output.files import BRACKET, strict
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
@@ -27,32 +29,40 @@ from fenics_contact.spatial.words import mechanism_record
 from fenics_contact.version import __version__
 
 
-def write_result(
-    result: SpatialLimit, folder: Path, hurry: Callable[[], bool] = lambda: False
-) -> None:
-    """Write what the scene's output options ask for, on the first rank; the folder is made.
+class LimitLoad(SpatialLimit):
+    """Result of `limit_load`, with its files."""
 
-    Once `hurry` is true only result.json is written.
+    @checked
+    def write(
+        self,
+        folder: str | Path,
+        hurry: Callable[[], bool] = lambda: False,
+        beside: Executor | None = None,
+    ) -> None:
+        """Write result.json and what the scene's output options say, on the first rank.
 
-    Raises:
-        OutputError: If a file cannot be written; the folder is then as it was.
-    """
-    if compat.default_comm().rank != 0:
-        return
-    output = result.scene.output
-    with filled_at_once(folder, RECORD, MPI.COMM_SELF) as hidden:
-        start = time.perf_counter()
-        if output.paraview and not hurry():
-            write_fields(result, hidden)
-        if output.pictures and not hurry():
-            draw_collapse(result, hidden, output.formats)
-            write_viewer(result, hidden)
-        seconds = {**result.seconds, "write": time.perf_counter() - start}
-        record = strict(result_record(replace(result, seconds=seconds)))
-        record["files"] = sorted(path.name for path in hidden.iterdir())
-        (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
-        if output.report:
-            write_report(hidden)
+        The folder is made. Once `hurry` is true only result.json is written. Nothing is left to
+        other processes (`beside`).
+
+        Raises:
+            OutputError: If a file cannot be written; the folder is then as it was.
+        """
+        if compat.default_comm().rank != 0:
+            return
+        output = self.scene.output
+        with filled_at_once(Path(folder), RECORD, MPI.COMM_SELF) as hidden:
+            start = time.perf_counter()
+            if output.paraview and not hurry():
+                write_fields(self, hidden)
+            if output.pictures and not hurry():
+                draw_collapse(self, hidden, output.formats)
+                write_viewer(self, hidden)
+            seconds = {**self.seconds, "write": time.perf_counter() - start}
+            record = strict(result_record(replace(self, seconds=seconds)))
+            record["files"] = sorted(path.name for path in hidden.iterdir())
+            (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
+            if output.report:
+                write_report(hidden)
 
 
 def result_record(result: SpatialLimit) -> dict[str, Any]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
-from fenics_contact.errors import checked
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
@@ -203,19 +201,6 @@ class SpatialLimit:
         """The answer in three to five lines; with all that is known of it, if that is wished."""
         found, more = self.answer(self.wording)
         return "\n".join([*found, *more, *(["", *self._details()] if verbose else [])])
-
-    @checked
-    def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
-        """Write result.json and what the scene's output options say; the folder is made.
-
-        Once `hurry` is true only result.json is written.
-
-        Raises:
-            OutputError: If a file cannot be written; the folder is then as it was.
-        """
-        from fenics_contact.spatial.record import write_result
-
-        write_result(self, Path(folder), hurry)
 
     def answer(self, words: Wording) -> tuple[list[str], list[str]]:
         """The collapse, or why none is known; and what else was asked, in lines for people."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from itertools import product
@@ -43,7 +43,6 @@ from fenics_contact.spatial.loads import (
     Masses,
     Sides,
     Tie,
-    Vector,
     surface_loads,
 )
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
@@ -51,8 +50,12 @@ from fenics_contact.spatial.structure import ContactLaw, Structure
 
 #: Depth of the ground below a foundation, in parts of a typical block's size.
 DEPTH = 0.1
-#: Shapes of blocks, and how many corners they have: 0 for any number.
-CORNERS = {"box": 2, "hexahedron": 8, "vertices": 0}
+#: Shapes of blocks: how many corners they have, 0 for any number, and the body of these.
+SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
+    "box": (2, lambda corners: Polyhedron.box(corners.min(axis=0), corners.max(axis=0))),
+    "hexahedron": (8, Polyhedron.hexahedron),
+    "vertices": (0, Polyhedron.hull),
+}
 #: Name of the ground where none is given.
 GROUND = "ground"
 #: Its lower side, in parts of its upper one: pieces of ground touch what is above them alone.
@@ -102,9 +105,8 @@ class Foundation(JointLaw):
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self.z is None or self.plane is None, "z: give either z or plane")
-        require(
-            self.between is None and self.acts, "a foundation is neither glued, off nor between"
-        )
+        acts = self.between is None and self.acts
+        require(acts, "a foundation is neither glued, off nor between")
 
 
 @dataclass(frozen=True)
@@ -177,31 +179,31 @@ class Scene(Checked, _Shared):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(any(not block.fixed for block in self.blocks), "blocks: there is none that moves")
-        require(bool(self.materials), "materials is missing; give [materials.default]")
-        for table, law in self.laws().items():
-            require(law.gap == 0.0, f"{table}.gap: contacts in space are closed; leave it out")
-            kept = f"{table}.opened: strengths are kept in space; leave it out"
-            require(law.opened == "kept", kept)
-            solid = f"{table}.glued: give blocks that move as one as pieces of one block"
-            require(not law.glued, solid)
+        dead = self.dead
+        live = self.live
+        bare = live.profile != "uniform" and not any(live.acceleration)
+        refused = [
+            ("blocks", all(block.fixed for block in self.blocks), "there is none that moves"),
+            ("materials is missing", not self.materials, "give [materials.default]"),
+            ("loads.live.movement", live.movement, "the ground moves with loads.dead; see there"),
+            ("loads.dead.profile", dead.profile != "uniform", "it is of the live load; leave it"),
+            ("loads.live.profile", bare, "it acts on loads.live.body, which is zero; give it"),
+            ("output.capacity", self.output.capacity, "there is no curve in space; leave it out"),
+        ]
+        for key, law in self.laws().items():
             places = any(not isinstance(end, str) for end in law.between or ())
-            text = f"{table}.between = {list(law.between or ())} must be two groups or blocks"
-            require(not places, text)
-            crushing = law.tensile_strength > 0.0 and law.compressive_strength is not None
-            text = f"{table}: joints that crush carry no tension; leave out one of the strengths"
-            require(not crushing, text)
-        unmultiplied = "the ground moves with the dead load; give it in loads.dead.movement"
-        require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
-        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
-        require(self.dead.profile == "uniform", text)
-        bare = self.live.profile != "uniform" and not any(self.live.acceleration)
-        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+            crushes = law.tensile_strength > 0.0 and law.compressive_strength is not None
+            refused += [
+                (f"{key}.gap", law.gap, "contacts in space are closed; leave it out"),
+                (f"{key}.opened", law.opened != "kept", "strengths are kept in space; leave it"),
+                (f"{key}.glued", law.glued, "give blocks that move as one as pieces of one block"),
+                (f"{key}.between", places, "must be two groups or blocks"),
+                (f"{key}.tensile_strength", crushes, "joints that crush carry none; leave it out"),
+            ]
+        for key, wrong, text in refused:
+            require(not wrong, f"{key}: {text}")
         if self.seismic is not None:
-            check_inertia_forces(self.dead, self.live)
-        require(
-            self.output.capacity == 0, "output.capacity: there is no curve in space; leave it out"
-        )
+            check_inertia_forces(dead, live)
 
     def laws(self) -> dict[str, JointLaw]:
         """Laws of contacts by their keys in a scene file."""
@@ -212,7 +214,7 @@ class Scene(Checked, _Shared):
         """All but the blocks, with the names and values of a scene file."""
         shared = _Shared(**{name: getattr(self, name) for name in _Shared.__dataclass_fields__})
         loads = asdict(_LoadTables(self.live, self.dead))
-        return {**asdict(shared, dict_factory=_named_by_keys), "loads": loads}
+        return {**asdict(shared, dict_factory=_by_keys), "loads": loads}
 
     @property
     def units(self) -> Units:
@@ -265,9 +267,9 @@ class Scene(Checked, _Shared):
         near = max(NEAR * size, self.tolerance or 0.0)
         blocks = (*self.blocks, *self._ground(DEPTH * size, near))
         touching, warnings = checked_contacts(blocks, self.tolerance)
-        laws = self._contact_laws(touching, blocks)
-        acting = [k for k, law in enumerate(laws) if law is not None]
+        acting = list(self._acting(touching, blocks))
         require(bool(acting), "blocks: no two of them touch, so that nothing holds them")
+        contacts, laws = zip(*acting, strict=True)
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
         floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
@@ -282,8 +284,8 @@ class Scene(Checked, _Shared):
         live += pushed.loads(blocks, self.live.acceleration, factors)
         return Structure(
             blocks,
-            tuple(touching[k] for k in acting),
-            tuple(law for law in laws if law is not None),
+            contacts,
+            laws,
             dead,
             live,
             self.solve.quick,
@@ -299,10 +301,11 @@ class Scene(Checked, _Shared):
         Raises:
             InputError: If it has none.
         """
-        named = [name for name in (block.group, "default") if name in self.materials]
-        cure = " or ".join(f"[materials.{name}]" for name in {block.group: 0, "default": 0})
-        require(bool(named), f"block '{block.name}' has no material; give {cure}")
-        return self.materials[named[0]]
+        named = dict.fromkeys((block.group, "default"))
+        cure = " or ".join(f"[materials.{name}]" for name in named)
+        found = [self.materials[name] for name in named if name in self.materials]
+        require(bool(found), f"block '{block.name}' has no material; give {cure}")
+        return found[0]
 
     def _ground(self, depth: float, near: float) -> Iterator[Block]:
         """Fixed blocks below the sides of the others that lie on rigid ground."""
@@ -332,33 +335,30 @@ class Scene(Checked, _Shared):
             moved[fixed[name]] = movement.motion
         return moved if self.dead.movement else None
 
-    def _contact_laws(
+    def _acting(
         self, contacts: Sequence[Contact], blocks: Sequence[Block]
-    ) -> list[ContactLaw | None]:
-        """Laws of contacts; None for those that are off."""
+    ) -> Iterator[tuple[Contact, ContactLaw]]:
+        """Contacts that are not off, with their laws."""
         pairs = self._pairs()
         every = self.laws()
-        laws: list[ContactLaw | None] = []
         for contact in contacts:
             ends = blocks[contact.first], blocks[contact.second]
             ground = [end.group for end in ends if end.group in every]
-            names = [(end.name, end.group) for end in ends]
-            both = [frozenset(pair) for pair in product(*names)]
-            joints = [pairs[pair] for pair in both if pair in pairs]
+            named = product(*((end.name, end.group) for end in ends))
+            joints = [pairs[frozenset(pair)] for pair in named if frozenset(pair) in pairs]
             key = [*ground, *joints, "joints.default"][0]
             text = f"blocks '{ends[0].name}' and '{ends[1].name}' touch and have no law"
             require(key in every, f"{text}; give [joints.default]")
+            law = every[key]
             strengths = [
-                every[key].compressive_strength or self.material(end).compressive_strength
+                law.compressive_strength or self.material(end).compressive_strength or np.inf
                 for end in ends
                 if not end.fixed
             ]
-            known = min((one for one in strengths if one is not None), default=np.inf)
-            law = every[key]
             shear = law.cohesion + (law.bound or 0.0)
-            values = law.friction or 0.0, shear, law.dilation, law.tensile_strength, known
-            laws.append(ContactLaw(*values, key) if law.acts else None)
-        return laws
+            values = law.friction or 0.0, shear, law.dilation, law.tensile_strength
+            if law.acts:
+                yield contact, ContactLaw(*values, min(strengths), key)
 
     def _pairs(self) -> dict[frozenset[str], str]:
         """Keys of joint laws by the two groups or blocks whose contacts have them."""
@@ -382,20 +382,22 @@ class Scene(Checked, _Shared):
 # ---- what a scene file holds, table by table
 
 
-def _require_places(name: str, value: Sequence[Vector]) -> None:
-    """Refuse coordinates that are not finite."""
-    for place in value:
-        require_vector(name, place)
+Corners = tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True)
 class _Shape(Checked):
     """A convex body, in one of three ways; corners in m."""
 
-    box: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
-    hexahedron: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
-    vertices: tuple[tuple[float, float, float], ...] | None = ruled(_require_places, None)
+    box: Corners | None = None
+    hexahedron: Corners | None = None
+    vertices: Corners | None = None
     faces: tuple[tuple[int, ...], ...] | None = None
+
+    @property
+    def given(self) -> list[str]:
+        """In which ways it is given."""
+        return [kind for kind in (*SHAPES, "faces") if getattr(self, kind) is not None]
 
     def polyhedron(self, key: str) -> Polyhedron:
         """The body.
@@ -403,19 +405,15 @@ class _Shape(Checked):
         Raises:
             InputError: If it is given in none of the ways, or in more than one.
         """
-        kinds = [kind for kind in CORNERS if getattr(self, kind) is not None]
-        require(len(kinds) == 1, f"{key}: give one of {', '.join(CORNERS)}, pieces")
-        kind = kinds[0]
+        kind, *more = self.given or ["none"]
+        text = f"{key}: give one of {', '.join(SHAPES)}, pieces"
+        require(kind in SHAPES and more in ([], ["faces"]), text)
+        require(kind == "vertices" or not more, f"{key}: faces go with vertices")
+        count, body = SHAPES[kind]
         points = np.array(getattr(self, kind), dtype=float)
-        wished = CORNERS[kind] or len(points)
-        text = f"{key}: {kind} has {counted(len(points), 'corner')}; give {wished}"
-        require(len(points) == wished, text)
-        require(kind == "vertices" or self.faces is None, f"{key}: faces go with vertices")
-        if kind == "box":
-            return Polyhedron.box(points.min(axis=0), points.max(axis=0))
-        if kind == "hexahedron":
-            return Polyhedron.hexahedron(points)
-        return Polyhedron.hull(points) if self.faces is None else Polyhedron(points, self.faces)
+        text = f"{key}: {kind} has {counted(len(points), 'corner')}; give {count}"
+        require(count in (0, len(points)), text)
+        return body(points) if self.faces is None else Polyhedron(points, self.faces)
 
 
 @dataclass(frozen=True)
@@ -433,13 +431,12 @@ class _Block(_Shape):
             InputError: If it is none.
         """
         key = f"blocks.{name}"
-        own = [kind for kind in (*CORNERS, "faces") if getattr(self, kind) is not None]
-        text = f"{key}: give either pieces or {', '.join(own)}"
-        require(self.pieces is None or not own, text)
-        pieces = self.pieces or ()
-        bodies = [piece.polyhedron(f"{key}.pieces[{k}]") for k, piece in enumerate(pieces)]
-        bodies += [self.polyhedron(key)] if self.pieces is None else []
-        return Block(tuple(bodies), name, self.group, self.fixed)
+        text = f"{key}: give either pieces or {', '.join(self.given)}"
+        require(self.pieces is None or not self.given, text)
+        pieces = {f"{key}.pieces[{k}]": piece for k, piece in enumerate(self.pieces or ())}
+        shapes = pieces if self.pieces is not None else {key: self}
+        bodies = tuple(shape.polyhedron(place) for place, shape in shapes.items())
+        return Block(bodies, name, self.group, self.fixed)
 
 
 @dataclass(frozen=True)
@@ -457,7 +454,7 @@ class _SceneTables(_Shared):
     blocks: Mapping[str, Any] = field(default_factory=dict)
 
 
-def _named_by_keys(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def _by_keys(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return {key_of(name): value for name, value in values}
 
 
@@ -495,11 +492,8 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
     else:
         blocks = _built(str(given.pop("builder")), given)
     names = [name for block in blocks for name in (block.name, block.group)]
-    wished: list[tuple[str, dict[str, Any]]] = [
-        (pattern, {"fixed": True}) for pattern in changes.fixed
-    ]
-    for group, patterns in changes.groups.items():
-        wished += [(pattern, {"group": group}) for pattern in patterns]
+    wished: list[tuple[str, Any]] = [(pattern, {"fixed": True}) for pattern in changes.fixed]
+    wished += [(p, {"group": g}) for g, patterns in changes.groups.items() for p in patterns]
     for pattern, change in wished:
         chosen = set(fnmatch.filter(names, pattern))
         first = listed(list(dict.fromkeys(names))[:6])
@@ -513,9 +507,9 @@ def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
     """Blocks by a function of `builders`."""
     builders = import_module("fenics_contact.spatial.builders")
     known = {
-        key: value
-        for key, value in vars(builders).items()
-        if getattr(value, "__module__", "") == builders.__name__ and key.islower() and key[0] != "_"
+        key: function
+        for key, function in vars(builders).items()
+        if getattr(function, "__annotations__", {}).get("return") == "Blocks" and key[0] != "_"
     }
     text = f"blocks.builder = '{name}' must be one of {listed(sorted(known))}"
     require(name in known, text)

@@ -49,7 +49,7 @@ CASES = [
     ("block.left.box=[]", "unknown key 'block'", "blocks"),
     ("blocks.left.boks=[]", "unknown key 'blocks.left.boks'", "box"),
     ("blocks.left.box=[[0,0,0],[1,1]]", "blocks.left.box[1]", "three numbers, [x, y, z]"),
-    ("blocks.left.box=[[0,0,0],[1,1,nan]]", "blocks.left.box", "finite"),
+    ("blocks.left.box=[[0,0,0],[1,1,nan]]", "block 'left'", "finite"),
     ("blocks.left.box=[[0,0,0]]", "blocks.left: box has 1 corner", "2"),
     ("blocks.left.box=[[0,0,0],[1,0,3]]", "block 'left'"),
     ("blocks.left.box=1", "blocks.left.box = 1", "list"),

@@ -119,8 +119,8 @@ WRONG = {
     ),
     "crosses itself": Polyhedron.hexahedron(CUBE[[0, 1, 3, 2, 4, 5, 6, 7]]),
     "must be numbers of corners, 0 to 7": Polyhedron(CUBE, ((0, 1, 9), *HEXAHEDRON)),
-    "corners must be 4 to 6000 points [x, y, z]": Polyhedron(CUBE[:, :2], HEXAHEDRON),
-    "corners must be 4 to 6000 points": Polyhedron(moved(2, [np.nan, 0, 0]), HEXAHEDRON),
+    "corners must be 4 to 6000 finite points [x, y, z]": Polyhedron(CUBE[:, :2], HEXAHEDRON),
+    "corners must be 4 to 6000 finite points": Polyhedron(moved(2, [np.nan, 0, 0]), HEXAHEDRON),
     "must be an array of numbers": Polyhedron([["a", 0, 1]] * 8, HEXAHEDRON),
 }
 
