@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -58,6 +58,9 @@ from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
+
+#: What is known of one direction of the live load.
+E = TypeVar("E", bound=Any)
 
 
 @dataclass(frozen=True)
@@ -392,8 +395,67 @@ class ServiceState:
         return self.status != "not_converged" and self.reason != NOT_KNOWN
 
 
+class ByDirection(Generic[E]):
+    """Limit loads in one direction of the live load or both.
+
+    Attributes:
+        ends: By direction, "positive" first; empty if the dead load has no equilibrium.
+        scene: That was solved.
+    """
+
+    ends: Mapping[str, E]
+    scene: Any
+
+    def __repr__(self) -> str:
+        title = getattr(self.scene, "title", "")
+        named = [repr(title)] if title else []
+        factors = (f"load factor {end.load_factor:.8g}" for end in self.ends.values())
+        return f"<{type(self).__name__}: {', '.join([*named, self.status, *factors])}>"
+
+    @property
+    def status(self) -> str:
+        """Status of all ends; "unstable" if it is proved that the dead load does not stand."""
+        found = {end.status for end in self.ends.values()}
+        if not found:
+            return "unstable"
+        for status in ("unstable", "not_converged", "no_equilibrium"):
+            if status in found:
+                return status
+        return found.pop() if len(found) == 1 else "limit"
+
+    @property
+    def limits(self) -> dict[str, E]:
+        """The ends that are limit loads."""
+        return {name: end for name, end in self.ends.items() if end.status == "limit"}
+
+    @property
+    def positive(self) -> E | None:
+        """Collapse with the live load as given; None if not asked for."""
+        return self.ends.get("positive")
+
+    @property
+    def negative(self) -> E | None:
+        """Collapse with the live load reversed; None if not asked for."""
+        return self.ends.get("negative")
+
+    @property
+    def collapse(self) -> E | None:
+        """Collapse that fields show: the positive one if there is one."""
+        return self.positive or self.negative
+
+    @property
+    def load_factor(self) -> float:
+        """Limit load factor; infinite if unbounded, nan if there is none."""
+        return float("nan") if self.positive is None else self.positive.load_factor
+
+    @property
+    def load_factor_negative(self) -> float:
+        """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
+        return float("nan") if self.negative is None else self.negative.load_factor
+
+
 @dataclass(frozen=True, repr=False, eq=False)
-class Result:
+class Result(ByDirection[Collapse]):
     """Limit load of a scene, in one direction of the live load or both: data, and final.
 
     It can be pickled and copied; on several ranks each has its part of the fields.
@@ -429,11 +491,6 @@ class Result:
     stopped: str = ""
     ranks: int = 1
 
-    def __repr__(self) -> str:
-        title = repr(self.scene.title) if self.scene.title else ""
-        factors = (f"load factor {end.load_factor:.8g}" for end in self.ends.values())
-        return f"<{type(self).__name__}: {', '.join(filter(None, [title, self.status, *factors]))}>"
-
     @property
     def joints(self) -> NamedArrays:
         """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
@@ -459,7 +516,7 @@ class Result:
         return block_arrays(self.layout, state.displacement, end.mode)
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> Scene:  # type: ignore[override]
         """Scene that was solved."""
         return self.layout.scene
 
@@ -467,17 +524,6 @@ class Result:
     def wording(self) -> Wording:
         """How its load factors are told."""
         return wording_of(self.layout, both=len(self.ends) > 1)
-
-    @property
-    def status(self) -> str:
-        """Status of all ends; "unstable" if it is proved that the dead load does not stand."""
-        found = {end.status for end in self.ends.values()}
-        if not found:
-            return "unstable"
-        for status in ("not_converged", "no_equilibrium"):
-            if status in found:
-                return status
-        return found.pop() if len(found) == 1 else "limit"
 
     @property
     def falling(self) -> Indices:
@@ -503,36 +549,6 @@ class Result:
             return end.reason
         blocks = named_blocks(self.wedged(end), self.layout.centroid, "wedge")
         return f"nothing limits the live load: {blocks}"
-
-    @property
-    def limits(self) -> dict[str, Collapse]:
-        """The ends that are limit loads."""
-        return {name: end for name, end in self.ends.items() if end.status == "limit"}
-
-    @property
-    def positive(self) -> Collapse | None:
-        """Collapse with the live load as given; None if not asked for."""
-        return self.ends.get("positive")
-
-    @property
-    def negative(self) -> Collapse | None:
-        """Collapse with the live load reversed; None if not asked for."""
-        return self.ends.get("negative")
-
-    @property
-    def collapse(self) -> Collapse | None:
-        """Collapse that fields show: the positive one if there is one."""
-        return self.positive or self.negative
-
-    @property
-    def load_factor(self) -> float:
-        """Limit load factor; infinite if unbounded, nan if there is none."""
-        return float("nan") if self.positive is None else self.positive.load_factor
-
-    @property
-    def load_factor_negative(self) -> float:
-        """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
-        return float("nan") if self.negative is None else self.negative.load_factor
 
     @property
     def tilt_angle(self) -> float | None:

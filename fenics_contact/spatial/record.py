@@ -72,7 +72,7 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     structure = result.structure
     gap = result.scene.solve.gap
     views = views_of(result).values()
-    parts = zip(result.directions.items(), views, strict=True)
+    parts = zip(result.ends.items(), views, strict=True)
     ends = {name: _collapse_record(end, view, gap) for (name, end), view in parts}
     first = next(iter(ends.values()))
     return {

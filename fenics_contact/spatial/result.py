@@ -13,6 +13,7 @@ from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
+from fenics_contact.results.result import ByDirection
 from fenics_contact.results.values import NAMED
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
@@ -122,80 +123,42 @@ def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
     return SpatialWording.of(loads, floors, resultant, scene.units, **more)
 
 
-@dataclass(frozen=True)
-class SpatialLimit:
+@dataclass(frozen=True, repr=False)
+class SpatialLimit(ByDirection[SpatialCollapse]):
     """Limit loads of a structure in space.
 
     Attributes:
         scene: What was asked for.
         structure: Its blocks, contacts and loads.
-        directions: By "positive" and "negative".
+        ends: Collapse by direction, "positive" first.
         seconds: By what they were spent on.
         ranks: How many ranks shared the tasks.
     """
 
     scene: Any
     structure: Structure
-    directions: dict[str, SpatialCollapse]
+    ends: dict[str, SpatialCollapse]
     seconds: dict[str, float] = field(default_factory=dict)
     ranks: int = 1
-
-    def __repr__(self) -> str:
-        title = getattr(self.scene, "title", "")
-        factors = (f"load factor {c.load_factor:.8g}" for c in self.directions.values())
-        named = [repr(title)] if title else []
-        return f"<{type(self).__name__}: {', '.join([*named, self.status, *factors])}>"
-
-    @property
-    def collapse(self) -> SpatialCollapse:
-        """The first direction's."""
-        return next(iter(self.directions.values()))
-
-    @property
-    def ends(self) -> dict[str, SpatialCollapse]:
-        """Collapse by direction, as of results in the plane."""
-        return self.directions
-
-    @property
-    def status(self) -> str:
-        """Status of all directions."""
-        found = {collapse.status for collapse in self.directions.values()}
-        for status in ("unstable", "not_converged"):
-            if status in found:
-                return status
-        return found.pop() if len(found) == 1 else "limit"
-
-    @property
-    def load_factor(self) -> float:
-        """The positive one; infinite if unbounded, nan if there is none."""
-        return self._of("positive").load_factor
-
-    @property
-    def load_factor_negative(self) -> float:
-        """With the live load reversed, not above 0; nan if not asked for."""
-        return self._of("negative").load_factor
-
-    def _of(self, direction: str) -> SpatialCollapse:
-        return self.directions.get(direction, SpatialCollapse("not_converged"))
 
     @property
     def factorizations(self) -> int:
         """Of face systems."""
-        return sum(collapse.factorizations for collapse in self.directions.values())
+        return sum(collapse.factorizations for collapse in self.ends.values())
 
     @property
     def stopped(self) -> str:
         """Why the run was ended early; empty where it was not."""
-        return next((c.stopped for c in self.directions.values() if c.stopped), "")
+        return next((c.stopped for c in self.ends.values() if c.stopped), "")
 
     @property
     def wording(self) -> SpatialWording:
         """How its load factors are told."""
-        return wording_of(self.scene, self.structure, both=len(self.directions) > 1)
+        return wording_of(self.scene, self.structure, both=len(self.ends) > 1)
 
     def reason(self) -> str:
         """Why there is no limit load, of one direction or at all; empty where there is."""
-        return "; ".join(dict.fromkeys(c.reason for c in self.directions.values() if c.reason))
+        return "; ".join(dict.fromkeys(c.reason for c in self.ends.values() if c.reason))
 
     def summary(self, verbose: bool = False) -> str:
         """The answer in three to five lines; with all that is known of it, if that is wished."""
@@ -206,20 +169,20 @@ class SpatialLimit:
         """The collapse, or why none is known; and what else was asked, in lines for people."""
         amounts: dict[str, list[str]] = {}
         told: list[tuple[str, Line]] = []
-        limits = {n: c for n, c in self.directions.items() if c.status == "limit"}
+        limits = self.limits
         for name, collapse in limits.items():
             head = f"{collapse.searched}:" if collapse.searched else "it collapses at"
             amounts.setdefault(head, []).append(words.amount(collapse.load_factor, name))
             told += [(name, line) for line in _lines(collapse, words)]
         found = [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
-        others = {n: c for n, c in self.directions.items() if n not in limits}
+        others = {n: c for n, c in self.ends.items() if n not in limits}
         found += dict.fromkeys(_without_limit(n, c, words) for n, c in others.items())
         return found, words.together(told, limits) + [QUICK] * self.structure.quick
 
     def _details(self) -> list[str]:
         """Proofs, residuals, what was tried, and time."""
         lines = []
-        for name, collapse in self.directions.items():
+        for name, collapse in self.ends.items():
             lines.append(f"load factor ({name}) = {collapse.load_factor:.8g}, {collapse.status}")
             if collapse.status == "limit":
                 lines.append(collapse_proof(collapse))

@@ -147,12 +147,12 @@ class SpatialView:
 def views_of(result: SpatialLimit) -> dict[str, SpatialView]:
     """Views of all directions, by what names of files have behind them."""
     title = plain(getattr(result.scene, "title", "") or "", LONGEST_TITLE)
-    both = len(result.directions) == 2
+    both = len(result.ends) == 2
     return {
         "_negative" * (both and name == "negative"): SpatialView.of(
             result.structure, collapse, title
         )
-        for name, collapse in result.directions.items()
+        for name, collapse in result.ends.items()
     }
 
 

@@ -36,7 +36,7 @@ def write_viewer(result: SpatialLimit, folder: Path) -> None:
 
 def viewer_page(result: SpatialLimit) -> str:
     """The page, as HTML. Texts of the user cannot leave the JSON that holds them."""
-    views = dict(zip(result.directions, views_of(result).values(), strict=True))
+    views = dict(zip(result.ends, views_of(result).values(), strict=True))
     data = json.dumps(_data(next(iter(views.values())), views), separators=(",", ":"))
     data = data.replace("<", "\\u003c")
     title = text(getattr(result.scene, "title", "") or "Collapse")

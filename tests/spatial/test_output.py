@@ -229,7 +229,7 @@ def test_viewer_is_small_and_holds_any_name():
 def test_ties_are_drawn(tipping, tmp_path):
     tie = Tie(from_=(0.0, 0.0, 1.5), ground=(2.0, 0.0, 0.0), yield_=1.0)
     structure = replace(tipping.structure, bars=(Bar(tie, (2, -1)),))
-    result = SpatialLimit(None, structure, dict(tipping.directions))
+    result = SpatialLimit(None, structure, dict(tipping.ends))
     (ends,) = SpatialView.of(structure, tipping.collapse).ties
     assert ends[0] == pytest.approx([0.24 / 5**0.5, 0.0, 1.5 + 0.08 / 5**0.5])
     assert ends[1] == pytest.approx([2.0, 0.0, 0.0])
