@@ -174,8 +174,6 @@ def tower(
     thickness: float,
     top_width: float | None = None,
     brick: Pair = BRICK,
-    openings: Mapping[str, Rows] | None = None,
-    floors: Sequence[float] = (),
 ) -> Blocks:
     """A square tower; a tapering one narrows in proportion, its walls and bricks too.
 
@@ -185,11 +183,9 @@ def tower(
         thickness: Of the walls at the ground.
         top_width: That at the top; None for the same as at the ground.
         brick: See `wall`; its length is that at the ground.
-        openings: See `house`; lengths along the walls are those at the ground.
-        floors: See `house`.
 
     Raises:
-        InputError: See `house`; or if the top is wider than the ground.
+        InputError: See `wall`; or if the top is wider than the ground.
     """
     top = width if top_width is None else top_width
     require(top <= width, f"top_width = {top:g} must be at most width = {width:g}")
@@ -202,7 +198,7 @@ def tower(
         corners[:, :2] = 0.5 * width + part * (corners[:, :2] - 0.5 * width)
         return Block((Polyhedron.hexahedron(corners),), block.name, block.group)
 
-    straight = _masonry(names, size, height, thickness, brick, openings or {}, floors)
+    straight = _masonry(names, size, height, thickness, brick)
     return tuple(block if block.fixed else narrowed(block) for block in straight)
 
 

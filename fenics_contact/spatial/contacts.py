@@ -91,7 +91,28 @@ def checked_contacts(
     Raises:
         InputError: If blocks overlap by more than the tolerance.
     """
-    contacts, found = _survey(blocks, tolerance)
+    pieces = [piece for block in blocks for piece in block.pieces]
+    owner = np.repeat(np.arange(len(blocks)), [len(block.pieces) for block in blocks]).tolist()
+    fixed = np.array([block.fixed for block in blocks])
+    contacts = []
+    found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
+    for one, two in _near_pieces(pieces, tolerance).tolist():
+        first, second = owner[one], owner[two]
+        if fixed[first] and fixed[second]:
+            continue
+        for kind, measure, axes, corners in _meetings(pieces[one], pieces[two], tolerance):
+            if first == second:
+                kind = "pieces" if kind in REFUSED else "within"
+            if kind == "contact":
+                contacts.append(Contact(first, second, axes, corners))
+            found[kind].append((measure, first, second))
+    for number, piece in zip(owner, pieces, strict=True):
+        if piece.warp > APART * piece.thickness:
+            found["warped"].append((piece.warp, number, number))
+    pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
+    label = connected(pairs.reshape(-1, 2), len(blocks))
+    for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
+        found["loose" if number in pairs else "alone"].append((-number, number, number))
     warnings = []
     for kind, text in (REFUSED | TOLD).items():
         if kind in found:
@@ -103,42 +124,11 @@ def checked_contacts(
     return tuple(contacts), tuple(warnings)
 
 
-def _survey(
-    blocks: Sequence[Block], tolerance: float | None
-) -> tuple[list[Contact], dict[str, list[tuple[float, int, int]]]]:
-    """Contacts, and measures and numbers of blocks by what is wrong with them."""
-    pieces = [piece for block in blocks for piece in block.pieces]
-    owner = np.repeat(np.arange(len(blocks)), [len(block.pieces) for block in blocks])
-    fixed = np.array([block.fixed for block in blocks])
-    contacts = []
-    found = defaultdict(list)
-    for one, two in _near_pieces(pieces, tolerance).tolist():
-        first, second = owner[[one, two]].tolist()
-        if fixed[first] and fixed[second]:
-            continue
-        for kind, measure, axes, corners in _meetings(pieces[one], pieces[two], tolerance):
-            if first == second:
-                kind = "pieces" if kind in REFUSED else "within"
-            if kind == "contact":
-                contacts.append(Contact(first, second, axes, corners))
-            found[kind].append((measure, first, second))
-    for one, piece in enumerate(pieces):
-        if piece.warp > APART * piece.thickness:
-            found["warped"].append((piece.warp, owner[one], owner[one]))
-    pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
-    label = connected(pairs.reshape(-1, 2), len(blocks))
-    for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
-        kind = "loose" if number in pairs else "alone"
-        found[kind].append((-number, number, number))
-    return contacts, found
-
-
 def _near_pieces(pieces: Sequence[Polyhedron], tolerance: float | None) -> Indices:
     """Sorted pairs of bodies whose boxes are as near as sides that are told of."""
     low = np.array([piece.corners.min(axis=0) for piece in pieces])
     high = np.array([piece.corners.max(axis=0) for piece in pieces])
-    thickness = np.array([piece.thickness for piece in pieces])
-    reach = np.maximum(NEARLY * thickness, tolerance or 0.0)
+    reach = np.maximum([NEARLY * piece.thickness for piece in pieces], tolerance or 0.0)
     radius = 0.5 * np.linalg.norm(high - low, axis=1) + reach
     every = np.arange(len(pieces))
     portions = near_pairs(0.5 * (low + high), radius, every, every)

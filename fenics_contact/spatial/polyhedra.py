@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -142,13 +143,11 @@ class Polyhedron(PlaneSides):
         corner, side = np.unravel_index(off.argmax(), off.shape)
         self.warp = float(off[corner, side])
         allowed = WARPED * self.thickness
-        what, cure = "is not convex", "it into convex pieces"
-        if corner in self.sides[side]:
-            what, cure = "has a warped side", "that into triangles"
         place = _place(self.corners[corner])
         middle = _place(self.corners[list(self.sides[side])].mean(axis=0))
-        measure = f"corner {place} lies {self.warp:.3g} m off the side about {middle}"
-        require(self.warp <= allowed, f"it {what}: {measure}, above {allowed:.2g} m; cut {cure}")
+        text = f"corner {place} lies {self.warp:.3g} m off the side about {middle}"
+        cure = "cut it into convex pieces, or a warped side into triangles"
+        require(self.warp <= allowed, f"it is not convex: {text}, above {allowed:.2g} m; {cure}")
 
     @classmethod
     def hexahedron(cls, corners: npt.ArrayLike) -> Self:
@@ -247,14 +246,24 @@ def _closed(corners: Any, sides: Iterable[Any]) -> tuple[Array, list[list[int]]]
             loops.append(loop)
     what = f"it has {len(loops)} sides with an area; give 4 to {MOST_SIDES}"
     require(3 < len(loops) <= MOST_SIDES, what)
-    edges = Counter(frozenset((loop[k - 1], loop[k])) for loop in loops for k in range(len(loop)))
-    for edge, count in edges.items():
-        if count != 2:
-            ends = " and ".join(_place(points[k]) for k in sorted(edge))
-            raise InputError(
-                f"it is not closed: the edge between {ends} is in {count} sides, not 2"
-            )
+    problem = not_closed(points, loops)
+    require(not problem, f"it {problem}")
     return points, loops
+
+
+def edges_of(loop: Sequence[int]) -> list[tuple[int, int]]:
+    """Edges of a side, the smaller number first."""
+    return [(min(a, b), max(a, b)) for a, b in pairwise([*loop, loop[0]])]
+
+
+def not_closed(points: Array, loops: Sequence[Sequence[int]]) -> str:
+    """Which edge of a surface is not in two sides, in words; empty if it is closed."""
+    uses = Counter(edge for loop in loops for edge in edges_of(loop))
+    (start, end), count = max(uses.items(), key=lambda use: abs(use[1] - 2))
+    ends = f"{_place(points[start])} and {_place(points[end])}"
+    return (
+        "" if count == 2 else f"is not closed: the edge between {ends} is in {count} sides, not 2"
+    )
 
 
 def _place(point: Array) -> str:

@@ -8,9 +8,10 @@ manual, "MSH file format".
 from __future__ import annotations
 
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,6 @@ NO_BLOCKS = {"edge", "edgedata", "interface", "interfaces", "interactions", "con
 PLACES = ("frame", "transformation")
 #: Names that COMPAS gives by itself.
 OF_TYPES = {"Assembly", "Block", "BlockElement", "BlockModel", "Box", "Graph", "Mesh", "Model"}
-#: What damaged contents raise.
-DAMAGED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
 @checked
@@ -67,12 +66,11 @@ def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, 
             name = file.stem if only else surface.name
             blocks += blocks_of(replace(surface, name=name), f"'{file}'")
     uses = Counter(block.name for block in blocks)
-    numbers = Counter[str]()
-    for k, block in enumerate(blocks):
-        if uses[block.name] > 1:
-            numbers[block.name] += 1
-            blocks[k] = replace(block, name=f"{block.name} {numbers[block.name]}")
-    return tuple(blocks)
+    numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
+    return tuple(
+        replace(b, name=f"{b.name} {next(numbers[b.name])}") if uses[b.name] > 1 else b
+        for b in blocks
+    )
 
 
 def _surfaces(path: Path, unit: str | None) -> list[Surface]:
@@ -85,14 +83,16 @@ def _surfaces(path: Path, unit: str | None) -> list[Surface]:
             replace(s, faces=[scale * np.array(f, float).reshape(len(f), 3) for f in s.faces])
             for s in READERS[path.suffix.lower()](path, unit)
         ]
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{source} cannot be read: {error.strerror or error}") from None
-    except DAMAGED as error:
+    except Exception as error:  # damaged contents fail anywhere
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(f"{source} is damaged ({reason}); save it again") from None
-    count = sum(len(surface.faces) for surface in surfaces)
-    require(count > 0, f"{source} has no faces; save the blocks as meshes")
-    require(count <= MOST_FACES, f"{source} has {count} faces; at most {MOST_FACES} are read")
+    faces = sum(len(surface.faces) for surface in surfaces)
+    require(faces > 0, f"{source} has no faces; save the blocks as meshes")
+    require(faces <= MOST_FACES, f"{source} has {faces} faces; at most {MOST_FACES} are read")
     return surfaces
 
 
@@ -109,15 +109,15 @@ def _meshes(data: Any, around: Surface, source: str) -> Iterator[Surface]:
             yield from _meshes(item, around, source)
     if not isinstance(data, dict):
         return
-    for table in (data.get("attributes"), data):
-        if isinstance(table, dict):
-            name = table.get("name")
-            around = Surface(
-                str(name) if name and name not in OF_TYPES else around.name,
-                [],
-                str(table.get("group") or around.group),
-                around.fixed or any(bool(table.get(key)) for key in GROUND),
-            )
+    attributes = data.get("attributes")
+    table = data | attributes if isinstance(attributes, dict) else data
+    name = table.get("name")
+    around = Surface(
+        str(name) if name and name not in OF_TYPES else around.name,
+        [],
+        str(table.get("group") or around.group),
+        around.fixed or any(bool(table.get(key)) for key in GROUND),
+    )
     for key in PLACES:
         text = f"block '{around.name}' has a {key}; save its corners where they are"
         require(not _contents(data.get(key)), f"{source}: {text}")
@@ -202,21 +202,16 @@ def _dxf(path: Path, unit: str | None) -> Iterator[Surface]:
         for entity, layer in entities.visible():
             kind = entity.dxftype()
             is_mesh = kind == "MESH" or (kind == "POLYLINE" and "Mesh" in entity.get_mode())
-            try:
-                if kind == "3DFACE":
-                    drawn.setdefault(layer, Surface(layer, [], layer))
-                    drawn[layer].faces.append(UNITS[known] * np.array(entity.wcs_vertices()))
-                elif is_mesh:
-                    mesh = readers[kind](entity)
-                    points = UNITS[known] * np.array(mesh.vertices)
-                    surfaces.append(Surface(layer, [points[[*face]] for face in mesh.faces], layer))
-                else:
-                    others[kind] += 1
-            except Exception as error:  # damaged entities fail anywhere in ezdxf
-                reason = f"{str(error) or type(error).__name__}; delete it or draw it anew"
-                text = f"'{path}': the {kind} on layer '{layer}' cannot be read: {reason}"
-                raise InputError(text) from None
-    listed = ", ".join(f"{count} {kind}" for kind, count in others.items()) or "nothing"
+            if kind == "3DFACE":
+                drawn.setdefault(layer, Surface(layer, [], layer))
+                drawn[layer].faces.append(UNITS[known] * np.array(entity.wcs_vertices()))
+            elif is_mesh:
+                mesh = readers[kind](entity)
+                points = UNITS[known] * np.array(mesh.vertices)
+                surfaces.append(Surface(layer, [points[[*face]] for face in mesh.faces], layer))
+            else:
+                others[kind] += 1
+    listed = ", ".join(f"{n} {kind}" for kind, n in others.items()) or "nothing"
     text = "has no 3DFACE, MESH or polyface mesh on a visible layer"
     require(bool(surfaces or drawn), f"'{path}' {text}, but {listed}; turn solids into meshes")
     yield from (*surfaces, *drawn.values())

@@ -8,7 +8,6 @@ middle crosses the surface an odd number of times.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import SIZES, connected
-from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron
+from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron, edges_of, not_closed
 
 #: Points of a surface that are nearer to each other than this are one, in parts of its width.
 WELD = 1e-6
@@ -98,28 +97,18 @@ def _welded(points: Array, near: float) -> tuple[Array, Indices]:
     return points[first], number
 
 
-def edges_of(loop: Loop) -> list[tuple[int, int]]:
-    """Edges of a face, the smaller number first."""
-    return [(min(a, b), max(a, b)) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
-
-
 def _bodies(loops: list[Loop]) -> list[list[Loop]]:
-    """Faces by body: those that close, one after the other, and in each those joined by edges."""
-    closed: list[list[Loop]] = [[]]
-    once: set[tuple[int, int]] = set()
-    for loop in loops:
-        closed[-1].append(loop)
+    """Faces by body: every edge joins two of them; where it is used again it is another body's."""
+    once: dict[tuple[int, int], int] = {}
+    pairs = []
+    for number, loop in enumerate(loops):
         for edge in edges_of(loop):
-            once ^= {edge}
-        if not once and len(closed[-1]) > 3:
-            closed.append([])
-    bodies = []
-    for several in filter(None, closed):
-        first: dict[tuple[int, int], int] = {}
-        pairs = [(first.setdefault(e, k), k) for k, x in enumerate(several) for e in edges_of(x)]
-        label = connected(np.array(pairs), len(several))
-        bodies += [[several[k] for k in np.flatnonzero(label == one)] for one in np.unique(label)]
-    return bodies
+            if edge in once:
+                pairs.append((once.pop(edge), number))
+            else:
+                once[edge] = number
+    label = connected(np.array(pairs, dtype=np.int64).reshape(-1, 2), len(loops))
+    return [[loops[k] for k in np.flatnonzero(label == one)] for one in np.unique(label)]
 
 
 def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]:
@@ -138,12 +127,9 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
         cure = "draw those that are missing" if area < hull.area else "delete those drawn twice"
         require(abs(area - hull.area) < AREA * hull.area, f"{where} {text}; {cure}")
         return [Polyhedron.hull(points)]
-    uses = Counter(edge for loop in loops for edge in edges_of(loop))
-    edge, count = max(uses.items(), key=lambda use: abs(use[1] - 2))
-    x, y, z = points[list(edge)].mean(axis=0)
-    text = f"has an edge of {count} faces instead of two, at ({x:g}, {y:g}, {z:g})"
+    problem = not_closed(points, loops)
     cure = "close its surface, or give every block a layer, object or file of its own"
-    require(count == 2, f"{where} {text}; {cure}")
+    require(not problem, f"{where} {problem}; {cure}")
     planes = PlaneSides(points, loops)
     bent = np.abs(planes.heights[planes.at_sides]).max() / size
     if WELD < bent < BENT:

@@ -103,7 +103,7 @@ WRONG = {
     "not closed: the edge between (0, 0, 0) and (1, 0, 0) is in 1 sides": Polyhedron(
         CUBE, HEXAHEDRON[1:]
     ),
-    "not closed: the edge between (0, 0, 0) and (1, 0, 0) is in 3 sides": Polyhedron(
+    "not closed: the edge between (0, 0, 0) and (0, 1, 0) is in 3 sides": Polyhedron(
         CUBE, (*HEXAHEDRON, HEXAHEDRON[0])
     ),
     "it has 2 sides with an area; give 4 to 2000": Polyhedron.hexahedron(CUBE * [1, 1, 0]),

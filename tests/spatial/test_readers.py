@@ -409,6 +409,7 @@ def test_a_block_with_a_hole_through_it(tmp_path):
 # What is refused, in one line that names the file and the block.
 
 SHIFTED = [face + np.array([1.0, 1.0, 0.0]) for face in CUBE]
+DISORDERED = [face for both in zip(CUBE, SHIFTED, strict=True) for face in both]
 SPIKE = prism(np.array([(0, 0), (4, 0), (4, 2), (3, 2), (1, 1), (3, 2.5), (4, 3), (0, 3)], float))
 
 
@@ -420,8 +421,8 @@ SPIKE = prism(np.array([(0, 0), (4, 0), (4, 2), (3, 2), (1, 1), (3, 2.5), (4, 3)
             [CUBE[0][[1, 2, 3]], *CUBE],
             "has faces of 6.5 m2 for a surface of 6 m2; delete those drawn twice",
         ),
-        (prism(SPIKE[1][:, :2])[1:], "has an edge of 1 faces instead of two"),
-        ([*CUBE[:3], *SHIFTED, *CUBE[3:]], "has an edge of 4 faces instead of two, at .1, 1, 0.5"),
+        (prism(SPIKE[1][:, :2])[1:], "is not closed: the edge between .* is in 1 sides"),
+        (DISORDERED, "between .1, 1, 0. and .1, 1, 1. is in 4 sides, not 2"),
         ([face * [1, 1, 0] for face in CUBE], "has no volume; draw its whole surface"),
         (CUBE[:1], "has no volume; draw its whole surface"),
         ([np.zeros((3, 3))], "is 0 m wide"),
