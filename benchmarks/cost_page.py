@@ -1,4 +1,4 @@
-"""The tables of docs/cost.md, from the rows that benchmarks/run.py measured.
+"""Tables of docs/cost.md and benchmarks/README.md, from the rows that benchmarks/run.py measured.
 
 Each stands between marks that name it; `run.py --write` writes them, tests compare them.
 """
@@ -15,7 +15,8 @@ from benchmarks.pictures import made_with, newest
 Row = Mapping[str, Any]
 Rows = Mapping[str, Sequence[Row]]
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "cost.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "docs" / "cost.md", ROOT / "benchmarks" / "README.md")
 #: Parts with which the others of their group are compared.
 MEASURES = ("load factor alone", "default")
 ONE_CORE = "default"
@@ -176,15 +177,18 @@ SECTIONS: dict[str, Callable[[Rows], list[str]]] = {
 
 
 def page(text: str, rows: Rows) -> str:
-    """The page with the tables of these rows."""
+    """A page with its tables of these rows."""
     rows = {name: newest(found) for name, found in rows.items()}
     for name, lines in SECTIONS.items():
         begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+        if begin not in text:
+            continue
         first, last = text.index(begin) + len(begin), text.index(end)
         text = text[:first] + "\n\n" + "\n".join(lines(rows)) + "\n\n" + text[last:]
     return text
 
 
 def write_page(rows: Rows) -> None:
-    """Write the tables into docs/cost.md."""
-    PAGE.write_text(page(PAGE.read_text(), rows))
+    """Write the tables into the pages."""
+    for path in PAGES:
+        path.write_text(page(path.read_text(), rows))

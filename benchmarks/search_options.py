@@ -1,8 +1,8 @@
-"""What tells each number of `SearchOptions` from its absence: the table of docs/build.md.
+"""What tells each number of `SearchOptions` from its absence: the table of benchmarks/README.md.
 
     python3 benchmarks/search_options.py                 # all numbers, minutes
     python3 benchmarks/search_options.py --only path_    # those whose names begin so
-    python3 benchmarks/search_options.py --write         # all, and the table into docs/build.md
+    python3 benchmarks/search_options.py --write         # all, and the table into benchmarks/README.md
 
 Every number is made much larger, and then much smaller, while a fixed set of scenes is solved, the
 cheapest first, among those that read it at all. It is told by the first scene whose status, load
@@ -30,7 +30,7 @@ from fenics_contact.search_options import SEARCH, SearchOptions
 from tests.bank import arch_recipe, coulomb, tresca, wall_recipe
 from tests.property.scenes import Draw
 
-PAGE = Path(__file__).parents[1] / "docs" / "build.md"
+PAGE = Path(__file__).parents[1] / "benchmarks" / "README.md"
 MARKS = "<!-- search options: begin -->", "<!-- search options: end -->"
 QUIET = OutputOptions(pictures=False)
 #: Seconds of processor time for one changed number.
@@ -183,7 +183,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="*", default=[""], help="beginnings of names")
     parser.add_argument("--part", default="0/1", help="a share of the numbers, as 0/2 and 1/2")
-    parser.add_argument("--write", action="store_true", help="the table into docs/build.md")
+    parser.add_argument("--write", action="store_true", help="the table into benchmarks/README.md")
     options = parser.parse_args()
     signal.signal(signal.SIGPROF, too_long)
     scenes = {name: make() for name, make in SCENES.items()}

@@ -26,6 +26,8 @@ import fenics_contact
 from fenics_contact import Scene
 from fenics_contact.meshing import polygons
 from fenics_contact.scene.toml_tables import key_of
+from fenics_contact.spatial import builders, loads
+from fenics_contact.spatial import scene as spatial
 from tests.bank import sides
 from tests.drawing import rectangle
 from tests.system.program import ROOT, Run, changed, run_command, run_here, toml
@@ -216,6 +218,22 @@ def test_scene_reference_has_all_keys():
     found = set(keys(Scene))
     assert {"young", "width", "tolerance", "capacity"} <= found
     assert [name for name in found if not re.search(rf"[`.\n]{name}\b", text)] == []
+
+
+def test_page_on_space_has_all_keys_and_builders():
+    text = (ROOT / "docs" / "spatial.md").read_text()
+    tables = [spatial.Scene, spatial.Material, spatial.Plane, spatial.Foundation]
+    tables += [spatial.SolveOptions, loads.Sides, loads.Force, loads.Movement, loads.Tie]
+    tables += [loads.Load, loads.Floor]
+    # Keys that a page on the plane tells of, or that space refuses.
+    elsewhere = {"law", "bound", "gap", "opened", "glued", "title", "live", "dead"}
+    found = {key_of(field.name) for table in tables for field in dataclasses.fields(table)}
+    for name, function in vars(builders).items():
+        if getattr(function, "__module__", "") == builders.__name__ and name[0].islower():
+            found |= {name, *function.__annotations__} - {"return"}
+    assert {"dome", "oculus", "quick", "prestress"} <= found
+    missing = [name for name in found - elsewhere if not re.search(rf"[`.\n]{name}\b", text)]
+    assert missing == []
 
 
 def test_python_page_has_all_names():

@@ -33,8 +33,10 @@ def test_worker_answers_and_survives():
 def test_page_of_costs_has_the_tables_of_the_rows():
     results = Path(__file__).parents[2] / "benchmarks" / "results"
     rows = {name: run.read(results / f"{name}.csv") for name in run.TABLES}
-    text = cost_page.PAGE.read_text()
-    assert cost_page.page(text, rows) == text
+    pages = [path.read_text() for path in cost_page.PAGES]
+    assert [cost_page.page(text, rows) for text in pages] == pages
+    marks = [f"<!-- {name}: begin -->" for name in cost_page.SECTIONS]
+    assert [mark for mark in marks if mark not in "".join(pages)] == []
 
 
 @alone
