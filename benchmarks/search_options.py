@@ -2,7 +2,7 @@
 
     python3 benchmarks/search_options.py                 # all numbers, minutes
     python3 benchmarks/search_options.py --only path_    # those whose names begin so
-    python3 benchmarks/search_options.py --write         # all, and the table into benchmarks/README.md
+    python3 benchmarks/search_options.py --write         # all, and the table there
 
 Every number is made much larger, and then much smaller, while a fixed set of scenes is solved, the
 cheapest first, among those that read it at all. It is told by the first scene whose status, load

@@ -1,7 +1,7 @@
 """The numbers of all searches, in one place.
 
-Scenes say what is asked (`SolveOptions`); these numbers say how it is looked for. `benchmarks/README.md`
-has what each of them is told by: a scene whose status, load factor or cost changes without it.
+Scenes say what is asked (`SolveOptions`); these numbers say how it is looked for.
+`benchmarks/README.md` has what each of them is told by: a scene whose status, load factor or cost changes without it.
 """
 
 from __future__ import annotations
