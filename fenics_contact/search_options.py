@@ -1,7 +1,8 @@
 """The numbers of all searches, in one place.
 
 Scenes say what is asked (`SolveOptions`); these numbers say how it is looked for.
-`benchmarks/README.md` has what each of them is told by: a scene whose status, load factor or cost changes without it.
+`benchmarks/README.md` has what each of them is told by: a scene whose status, load
+factor or cost changes without it.
 """
 
 from __future__ import annotations
