@@ -255,35 +255,54 @@ class Movement(Checked):
 
 
 @dataclass(frozen=True)
-class Tie(Checked):
+class Bar(Checked):
     """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
 
     Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
 
     Attributes:
-        from_: Where it begins: a place in a block, m, or the name of a one-dimensional group.
-        yield_: Tension at which it yields, N per metre of thickness.
-        to: Where it ends, likewise.
+        from_: Where it begins: a place in a block, m.
+        yield_: Tension at which it yields.
+        to: Where it ends: a place in another block.
         ground: The place in the ground where it ends, m, in place of `to`.
-        stiffness: E A / L, N/m per metre of thickness; None: it does not stretch until it yields.
-        prestress: Tension in the structure as drawn, N per metre of thickness.
-        spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
-            and the stiffness that of one, N/m.
+        stiffness: E A / L.
+        prestress: Tension in the structure as drawn.
     """
 
-    from_: tuple[float, float] | str = ruled(require_vector)
+    from_: tuple[float, ...] | str = ruled(require_vector)
     yield_: float = ruled(POSITIVE)
-    to: tuple[float, float] | str | None = ruled(require_vector, None)
-    ground: tuple[float, float] | None = ruled(require_vector, None)
+    to: tuple[float, ...] | str | None = ruled(require_vector, None)
+    ground: tuple[float, ...] | None = ruled(require_vector, None)
     stiffness: float | None = ruled(POSITIVE, None)
     prestress: float = ruled(NOT_NEGATIVE, 0.0)
-    spacing: float | None = ruled(POSITIVE, None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require((self.to is None) != (self.ground is None), "to: give either to or ground")
         within = self.prestress <= self.yield_
         require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
+
+
+@dataclass(frozen=True)
+class Tie(Bar):
+    """A bar of the structure in the plane, see `Bar`; forces are N per metre of thickness.
+
+    Attributes:
+        from_: Where it begins: a place in a block, m, or the name of a one-dimensional group.
+        to: Where it ends, likewise.
+        ground: The place in the ground where it ends, m, in place of `to`.
+        stiffness: E A / L, N/m per metre of thickness; None: it does not stretch until it yields.
+        spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
+            and the stiffness that of one, N/m.
+    """
+
+    from_: tuple[float, float] | str = ruled(require_vector)
+    to: tuple[float, float] | str | None = ruled(require_vector, None)
+    ground: tuple[float, float] | None = ruled(require_vector, None)
+    spacing: float | None = ruled(POSITIVE, None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         known = self.stiffness is not None or self.prestress == 0.0
         require(known, "prestress needs stiffness: a tie that does not stretch keeps no force")
 

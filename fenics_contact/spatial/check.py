@@ -31,10 +31,9 @@ def description(scene: Scene, structure: Structure) -> str:
     groups = Counter(block.group for block in scene.blocks)
     if len(groups) > 1:
         lines += [f"group {name}: {counted(n, 'block')}" for name, n in groups.items()]
-    pairs = list(zip(structure.contacts, structure.laws, strict=True))
     for key, law in scene.laws().items():
         kind, _, name = key.partition(".")
-        areas = [contact.area for contact, own in pairs if own.key == key]
+        areas = structure.areas_of(key)
         found = f"{counted(len(areas), 'contact')}, area {sum(areas):.6g} m2"
         text = f"{law_text(law, units)}, {found}" if law.acts else "off: carries nothing"
         lines.append(f"{kind[:-1]} {name}: {text}")

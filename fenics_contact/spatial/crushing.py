@@ -79,10 +79,12 @@ class Crushing:
         resultants: Of the points' pressing forces: N, and 2 S_1 / b, 2 S_2 / h, sparse, shape (3
             contacts, points).
         strength: f_c b h, N.
+        given: Pressing forces of points that the engine counts to the dead load, N.
     """
 
     resultants: Any
     strength: Array
+    given: Array
 
     @classmethod
     def of(cls, structure: Structure) -> Crushing:
@@ -100,7 +102,8 @@ class Crushing:
             moments = 2.0 * (place @ axes.T / sides).T
             rows.append(csr_matrix(mine * np.vstack([np.ones(len(mine)), moments])))
             strength.append(structure.laws[number].compressive_strength * float(np.prod(sides)))
-        return cls(vstack(rows).tocsr(), np.array(strength))
+        given = structure.given_force[: len(points.area), 0]
+        return cls(vstack(rows).tocsr(), np.array(strength), given)
 
     def strengths(self, normal: Array) -> tuple[Array, Array]:
         """N of all contacts and what they carry at most, (f_c u v)^(1/3), N, by pressing forces."""
@@ -114,9 +117,9 @@ class Crushing:
         return float(np.max(force - most))
 
     def limit(
-        self, model: FaceModel, given: Array, strength: Array, friction: Array, cost: Array
+        self, model: FaceModel, strength: Array, friction: Array, cost: Array
     ) -> tuple[float, Array, Array]:
-        """The least cost . n - lambda of a model whose points have some given pressing forces.
+        """The least cost . n - lambda of a model.
 
         Unknowns are lambda, forces of units, and u and v, all over the typical force.
 
@@ -141,8 +144,8 @@ class Crushing:
         count = len(self.strength)
         each = sp.identity(count)
         pressing = sp.kron(sp.identity(units, format="csr"), [[1.0, 0.0, 0.0]], "csr")
-        resultants = self.resultants @ pressing[: len(given)]
-        offset = self.resultants @ given / size
+        resultants = self.resultants @ pressing[: len(self.given)]
+        offset = self.resultants @ self.given / size
         force, first, second = (resultants[k::3] for k in range(3))
         at_rest, *turned = (offset[k::3] for k in range(3))
         presses = (friction == 0.0) | (strength > 0.0)  # else friction's cone says so
@@ -212,18 +215,16 @@ def crushed_state(
         Stopped: If the search is to end.
     """
     crushing = Crushing.of(structure)
-    given = structure.given_force[: len(structure.points.area), 0]
     best: CrushedState | None = None
     with suppress(SolverError):
         for _ in range(ROUNDS):
             check_stop()
             own = model.own_strength(force)
-            laws = own, model.dilatancy, np.zeros(len(own))
-            limit, _, motion = crushing.limit(model, given, *laws)
+            limit, _, motion = crushing.limit(model, own, model.dilatancy, np.zeros(len(own)))
             motion = motion / float(model.live @ motion)
             slip = model.power(motion).slip
-            laws = model.strength, model.friction, model.free_friction * slip
-            factor, force, _ = crushing.limit(model, given, *laws)
+            cost = model.free_friction * slip
+            factor, force, _ = crushing.limit(model, model.strength, model.friction, cost)
             upper = limit + float((model.own_strength(force) - own) @ slip)
             gap = max(upper - factor, 0.0) / model.size(factor)
             if best is None or gap < best.gap:

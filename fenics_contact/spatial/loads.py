@@ -10,11 +10,11 @@ import numpy as np
 
 from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene import scene
 from fenics_contact.scene.rules import (
     FINITE,
     MOST_TILT,
     NOT_NEGATIVE,
-    POSITIVE,
     Checked,
     listed,
     require_profile,
@@ -126,40 +126,29 @@ class Movement(Checked):
 
 
 @dataclass(frozen=True)
-class Tie(Checked):
-    """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
-
-    Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
+class Tie(scene.Bar):
+    """A bar of the structure in space, see `scene.scene.Bar`; forces are N.
 
     Attributes:
         from_: Where it begins: a place in a block, m.
-        yield_: Tension at which it yields, N.
         to: Where it ends: a place in another block.
         ground: The place in the ground where it ends, m, in place of `to`.
         stiffness: E A / L, N/m; None: as stiff as a typical point of the joints.
-        prestress: Tension in the structure as drawn, N.
     """
 
     from_: tuple[float, float, float] = ruled(require_vector)
-    yield_: float = ruled(POSITIVE)
     to: tuple[float, float, float] | None = ruled(require_vector, None)
     ground: tuple[float, float, float] | None = ruled(require_vector, None)
-    stiffness: float | None = ruled(POSITIVE, None)
-    prestress: float = ruled(NOT_NEGATIVE, 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require((self.to is None) != (self.ground is None), "to: give either to or ground")
-        within = self.prestress <= self.yield_
-        require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
         require(self.from_ != (self.to or self.ground), "to: it ends where it begins")
 
     def bar(self, key: str, blocks: Sequence[Block], near: float) -> Bar:
         """The bar between the blocks that are at its ends."""
         first = numbered(f"{key}.from", blocks, None, self.from_, near)
-        second = GROUND
-        if self.to is not None:
-            second = numbered(f"{key}.to", blocks, None, self.to, near)
+        to = self.to and numbered(f"{key}.to", blocks, None, self.to, near)
+        second = GROUND if to is None else to
         text = f"{key}: both ends are in block '{blocks[first].name}'; a tie joins two"
         require(first != second, text)
         return Bar(self, (first, second))
@@ -295,8 +284,8 @@ class Masses:
         corners = [_tetrahedra(blocks[number]) for number in density]
         count = [len(part) for part in corners]
         every = np.concatenate(corners)
-        volume = np.linalg.det(every[:, 1:] - every[:, :1]) / 6.0
-        mass = np.repeat(list(density.values()), count) * volume / 4.0
+        edges = every[:, 1:] - every[:, :1]
+        mass = np.repeat(list(density.values()), count) * np.linalg.det(edges) / 24.0
         number = np.repeat(list(density), count)
         points = np.einsum("pk,tkd->tpd", rule_of_four, every).reshape(-1, 3)
         return cls(np.repeat(number, 4), points, np.repeat(mass, 4))

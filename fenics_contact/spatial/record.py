@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -135,9 +135,10 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     """What was solved."""
     structure = result.structure
     moving = [block for block in structure.blocks if not block.fixed]
-    pairs = zip(structure.contacts, structure.laws, strict=True)
-    laws = [(law.key, float(c.area)) for c, law in pairs]
-    volumes = [(block.group, float(block.volume)) for block in moving]
+    areas = {law.key: structure.areas_of(law.key) for law in structure.laws}
+    volumes: dict[str, list[float]] = {block.group: [] for block in moving}
+    for block in moving:
+        volumes[block.group].append(block.volume)
     extent = np.array([block.extent for block in moving])
     size = extent[:, 1].max(axis=0) - extent[:, 0].min(axis=0)
     return {
@@ -147,15 +148,11 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
             name: (getattr(structure, name)[:, :3].sum(axis=0) + 0.0).tolist()
             for name in ("dead", "live")
         },
-        "contacts": list(_summed(laws, "contacts", "area")),
-        "groups": list(_summed(volumes, "blocks", "volume")),
+        "contacts": [
+            {"group": key, "contacts": len(some), "area": sum(some)} for key, some in areas.items()
+        ],
+        "groups": [
+            {"group": name, "blocks": len(some), "volume": sum(some)}
+            for name, some in volumes.items()
+        ],
     }
-
-
-def _summed(
-    named: Sequence[tuple[str, float]], many: str, what: str
-) -> Iterator[dict[str, str | float]]:
-    """How many values groups have, and their sums."""
-    for group in dict.fromkeys(name for name, _ in named):
-        values = [value for name, value in named if name == group]
-        yield {"group": group, many: len(values), what: sum(values)}

@@ -124,6 +124,11 @@ class Structure:
         values = np.array([getattr(law, name) for law in self.laws])[self.points.contact]
         return np.append(values, np.zeros(len(self.bars)))
 
+    def areas_of(self, key: str) -> list[float]:
+        """Of the contacts with one law, m2."""
+        pairs = zip(self.contacts, self.laws, strict=True)
+        return [contact.area for contact, law in pairs if law.key == key]
+
     @cached_property
     def crushes(self) -> Array:
         """Which contacts have a compressive strength, shape (contacts,)."""
