@@ -39,7 +39,6 @@ from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.parts import moving_parts, parts_in_words
 from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
 from fenics_contact.results.values import (
-    NamedArrays,
     TieState,
     falling_blocks,
     mechanism,
@@ -548,7 +547,7 @@ def origin_record(layout: Layout) -> Record:
     }
 
 
-def tie_records(ties: NamedArrays) -> list[Record]:
+def tie_records(ties: Mapping[str, Any]) -> list[Record]:
     """Every bar of every tie, with its force and what it does."""
     if "state" not in ties:
         return []

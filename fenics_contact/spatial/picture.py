@@ -6,14 +6,14 @@ a side of the other; which side of this plane the eye is on tells their order.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
-from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.output.figures import picture_paths
 from fenics_contact.output.folder import drawing
 from fenics_contact.output.plotting import (
@@ -31,22 +31,20 @@ from fenics_contact.output.plotting import (
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.view import ContactState, SpatialView, views_of
 
-#: Axes to the right, up, and to the eye of every view, by name.
+#: Where the eye of every view is, by name.
 VIEWS = {
-    "front (x, z)": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
-    "right side (y, z)": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    "front (x, z)": (0.0, -1.0, 0.0),
+    "right side (y, z)": (1.0, 0.0, 0.0),
+    "oblique": (0.62, -1.0, 0.62),
 }
-#: Where the eye of the oblique view is.
-EYE = (0.62, -1.0, 0.62)
 #: Where light comes from, in a view's axes.
 LIGHT = np.array([-0.35, 0.55, 0.76])
 #: What a side that the light does not reach keeps.
 AMBIENT = 0.62
-#: Colour of blocks that do not move, and of ground.
-STAYS, GROUND = (0.93, 0.93, 0.92), (0.86, 0.85, 0.83)
-FALLS = (0.93, 0.75, 0.45)
+#: Colours of blocks that do not move, of those that fall or wedge, and of ground.
+STAYS, FALLS, GROUND = (0.93, 0.93, 0.92), (0.93, 0.75, 0.45), (0.86, 0.85, 0.83)
 #: Colours of contacts, and what they do.
-MARKS = {
+MARKS: dict[int, tuple[str, str]] = {
     ContactState.SLIDES: (BLUE, "slides"),
     ContactState.ROCKS: (ORANGE, "opens along an edge"),
     ContactState.OPENS: (VERMILLION, "opens"),
@@ -56,6 +54,8 @@ MARKS = {
 TOUCH = 2e-3
 #: Edges of contacts lie on a side within this, over the structure's size.
 ON_SIDE = 1e-4
+#: Sides whose normals are nearer to a right angle with the line of sight are not seen.
+EDGEWISE = 1e-6
 #: Free around the structure, over its size.
 MARGIN = 0.06
 #: Width and height of a view, inches.
@@ -75,51 +75,44 @@ def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = (
         DrawingError: If matplotlib fails.
     """
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
-    for suffix, view in views_of(result).items():
-        with drawing(f"collapse{suffix}"):
-            views = VIEWS | {"oblique": oblique()}
-            spans = [np.ptp(_shown(view) @ axes[:2].T, axis=0) for axes in views.values()]
-            widths, heights = np.transpose(spans) + 2.0 * MARGIN * view.size
+    turns = {name: axes_to(eye) for name, eye in VIEWS.items()}
+    for view in views_of(result).values():
+        name = f"collapse{view.suffix}"
+        with drawing(name):
+            windows = [np.ptp(_window(view, turn), axis=0) for turn in turns.values()]
+            widths, heights = np.transpose(windows)
             scale = LARGEST / max(widths.max(), heights.max())
             shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
             figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
-            panels = figure.subplots(1, len(views), width_ratios=widths)
-            for axes, (name, turn) in zip(panels, views.items(), strict=True):
+            panels = figure.subplots(1, len(turns), width_ratios=widths)
+            for axes, (title, turn) in zip(panels, turns.items(), strict=True):
                 draw_view(axes, view, turn)
-                axes.set_title(name, fontsize=9)
-            legend(panels[-1], _entries(view))
-            paths = picture_paths(folder / f"collapse{suffix}", formats)
-            save_figure(figure, view.title, paths)
+                axes.set_title(title, fontsize=9)
+            told = [mark for state, mark in MARKS.items() if np.any(view.contacts.state == state)]
+            told += [(GREEN, "tie")] * bool(view.tie_ends)
+            told += [(BLACK, "live load")] * bool(view.push.any())
+            legend(panels[-1], [Line2D([], [], color=c, lw=2.0, label=label) for c, label in told])
+            title = "\n".join(filter(None, (view.title, view.caption)))
+            save_figure(figure, title, picture_paths(folder / name, formats))
 
 
-def _entries(view: SpatialView) -> list[Any]:
-    """What a legend tells of contacts and the live load."""
-    from matplotlib.lines import Line2D
-
-    told = {
-        colour: label
-        for state, (colour, label) in MARKS.items()
-        if np.any(view.contacts.state == state)
-    }
-    told |= {GREEN: "tie"} if view.ties else {}
-    told |= {BLACK: "live load"} if view.push.any() else {}
-    return [Line2D([], [], color=c, lw=2.0, label=label) for c, label in told.items()]
-
-
-def oblique() -> Array:
-    """Axes of the view from above a corner."""
-    eye = np.array(EYE) / np.linalg.norm(EYE)
-    right = np.cross([0.0, 0.0, 1.0], eye)
+def axes_to(eye: Sequence[float]) -> Array:
+    """Axes to the right, up, and to the eye, shape (3, 3)."""
+    towards = np.array(eye) / np.linalg.norm(eye)
+    right = np.cross([0.0, 0.0, 1.0], towards)
     right /= np.linalg.norm(right)
-    return np.array([right, np.cross(eye, right), eye])
+    return np.array([right, np.cross(towards, right), towards])
 
 
-def _shown(view: SpatialView) -> Array:
-    """Corners that a picture has room for: of blocks that move, at rest and displaced."""
-    bodies = view.bodies
-    moves = np.array([not block.fixed for block in view.structure.blocks])[bodies.block]
-    return np.vstack([bodies.corner[moves], (bodies.corner + view.displacement)[moves]])
+def _window(view: SpatialView, turn: Array) -> Array:
+    """What a picture has room for: blocks that move, at rest and displaced; low, high, (2, 2)."""
+    moves = view.structure.number[view.bodies.block] >= 0
+    rest = view.bodies.corner[moves]
+    places = np.vstack([rest, rest + view.displacement[moves]]) @ turn[:2].T
+    margin = MARGIN * view.size
+    return np.array([places.min(axis=0) - margin, places.max(axis=0) + margin])
 
 
 def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
@@ -129,41 +122,26 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     bodies = view.bodies
     place = (bodies.corner + view.displacement) @ turn.T
     normal = bodies.normal @ turn.T
-    colours = block_colours(view)
     light = AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
+    shades = light[:, None] * block_colours(view)[bodies.side_block]
     marks = _marks(view, turn)
-    polygons: list[Array] = []
-    faces: list[Any] = []
-    edges: list[Any] = []
-    widths: list[float] = []
-    sides: list[list[int]] = [[] for _ in range(int(bodies.piece.max()) + 1)]
-    for side in np.flatnonzero(normal[:, 2] > 1e-6):
-        sides[bodies.side_piece[side]].append(int(side))
     thin = 0.5 if len(view.structure.blocks) < 200 else 0.3
-    hides, depth = _hidden(view, place, turn)
-    fixed = np.array([block.fixed for block in view.structure.blocks])[bodies.of_piece]
+    hides = _hidden(view, place, turn)
+    depth = np.add.reduceat(place[:, 2], bodies.first) / bodies.counts
+    fixed = view.structure.number[bodies.of_piece] < 0
     veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: its edges alone are drawn
+    drawn: list[tuple[Array, Any, Any, float]] = []  # polygons, colours of faces, of edges, widths
     for piece in drawing_order(hides, depth):
-        for side in sides[piece]:
-            polygons.append(place[bodies.sides[side], :2])
-            shade = light[side] * colours[bodies.side_block[side]]
-            faces.append("none" if veils[piece] else (*shade, 1.0))
-            edges.append((0.25, 0.25, 0.25, 1.0))
-            widths.append(thin)
-            for line, colour in marks.get(side, ()):
-                polygons.append(line)
-                faces.append("none")
-                edges.append(colour)
-                widths.append(1.6)
-    axes.add_collection(
-        PolyCollection(
-            polygons, facecolors=faces, edgecolors=edges, linewidths=widths, joinstyle="round"
-        )
-    )
-    low, high = (f(_shown(view) @ turn[:2].T, axis=0) for f in (np.min, np.max))
-    margin = MARGIN * view.size
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-    for ends in view.ties:
+        for side in np.flatnonzero((bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE)):
+            face = "none" if veils[piece] else tuple(shades[side])
+            drawn.append((place[bodies.sides[side], :2], face, "0.25", thin))
+            drawn += [(line, "none", colour, 1.6) for line, colour in marks[side]]
+    polygons, faces, edges, widths = zip(*drawn, strict=True)
+    style = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
+    axes.add_collection(PolyCollection(polygons, joinstyle="round", **style))
+    (left, low), (right, high) = _window(view, turn)
+    axes.set(xlim=(left, right), ylim=(low, high))
+    for ends in view.tie_ends:
         axes.plot(*(ends @ turn[:2].T).T, color=GREEN, lw=1.6, ls="--", marker="s", ms=3.0)
     start, end = view.push @ turn[:2].T
     if np.linalg.norm(end - start) > 0.2 * np.linalg.norm(view.push[1] - view.push[0]):
@@ -176,24 +154,19 @@ def block_colours(view: SpatialView) -> Array:
     """Tints of groups, the paler the less a block moves, shape (blocks, 3)."""
     from matplotlib.colors import to_rgb
 
-    blocks = view.structure.blocks
-    groups = list(dict.fromkeys(block.group for block in blocks if not block.fixed))
-    colours = np.empty((len(blocks), 3))
-    for number, block in enumerate(blocks):
-        if block.fixed:
-            colours[number] = GROUND
-        elif number in view.marked:
-            colours[number] = FALLS
-        else:
-            tint = np.array(to_rgb(TINTS[groups.index(block.group) % len(TINTS)]))
-            share = view.share[number]
-            amount = 0.45 + 0.55 * share if share > 1e-3 else 0.0
-            colours[number] = (1.0 - amount) * np.array(STAYS) + amount * tint
-    return colours
+    fixed = view.structure.number < 0
+    group = np.array([block.group for block in view.structure.blocks])
+    groups = list(dict.fromkeys(group[~fixed]))
+    tint = [TINTS[groups.index(g) % len(TINTS)] if g in groups else TINTS[0] for g in group]
+    amount = np.where(view.share > 1e-3, 0.45 + 0.55 * view.share, 0.0)[:, None]
+    colours = (1.0 - amount) * STAYS + amount * [to_rgb(one) for one in tint]
+    colours[list(view.marked)] = FALLS
+    colours[fixed] = GROUND
+    return np.asarray(colours)
 
 
-def _hidden(view: SpatialView, place: Array, turn: Array) -> tuple[Array, Array]:
-    """Whether the second of two bodies hides the first, (bodies, bodies), and their depths.
+def _hidden(view: SpatialView, place: Array, turn: Array) -> Flags:
+    """Whether the second of two bodies hides the first, shape (bodies, bodies).
 
     Args:
         view: What is shown.
@@ -201,36 +174,28 @@ def _hidden(view: SpatialView, place: Array, turn: Array) -> tuple[Array, Array]
         turn: These axes, shape (3, 3).
     """
     bodies = view.bodies
-    first = np.flatnonzero(np.diff(bodies.piece, prepend=-1))
-    low = np.minimum.reduceat(place, first)
-    high = np.maximum.reduceat(place, first)
+    low = np.minimum.reduceat(place, bodies.first)[:, :2]
+    high = np.maximum.reduceat(place, bodies.first)[:, :2]
     near = TOUCH * view.size
-    apart = (low[:, None, :2] > high[None, :, :2] - near).any(axis=2)
-    overlap = ~(apart | apart.T)
-    count = len(first)
+    apart = (low[:, None] > high - near).any(axis=2)
     # Of every side and every other body: how far the body's nearest corner lies beyond the side.
-    best = np.full((count, count), -np.inf)  # separation of (body of a side, other body)
-    faces = np.zeros((count, count))  # whether the eye is beyond that side: +1, -1, or 0 for along
-    corner = np.array([loop[0] for loop in bodies.sides])
-    ways, way = np.unique(np.round(bodies.normal, 9), axis=0, return_inverse=True)
-    for number, direction in enumerate(ways @ turn.T):
-        sides = np.flatnonzero(way.ravel() == number)  # one of a body at most
-        along = place @ direction
-        beyond = np.minimum.reduceat(along, first) - along[corner[sides], None]
-        towards = 0.0 if abs(direction[2]) < 1e-3 else float(np.sign(direction[2]))
+    best = np.full(apart.shape, -np.inf)  # separation of (body of a side, other body)
+    faces = np.zeros(apart.shape)  # whether the eye is beyond that side: +1, -1, or 0 for along
+    for side, normal in enumerate(bodies.normal @ turn.T):
+        piece = bodies.side_piece[side]
+        along = place @ normal
+        beyond = np.minimum.reduceat(along, bodies.first) - along[bodies.sides[side][0]]
+        towards = 0.0 if abs(normal[2]) < 1e-3 else float(np.sign(normal[2]))
         # A plane along the line of sight that parts them says that neither hides the other.
         score = np.where((towards == 0.0) & (beyond > -near), np.inf, beyond)
-        body = bodies.side_piece[sides]
-        faces[body] = np.where(score > best[body], towards, faces[body])
-        best[body] = np.maximum(score, best[body])
-    swapped = best.T > best
-    order = np.where(swapped, -faces.T, faces)  # +1: the second hides the first
-    hides = overlap & (order > 0.0)
-    np.fill_diagonal(hides, False)
-    return hides, np.add.reduceat(place[:, 2], first) / np.bincount(bodies.piece)
+        faces[piece] = np.where(score > best[piece], towards, faces[piece])
+        best[piece] = np.maximum(score, best[piece])
+    order = np.where(best.T > best, -faces.T, faces)  # +1: the second hides the first
+    alone = apart | apart.T | np.eye(len(apart), dtype=bool)
+    return np.asarray(~alone & (order > 0.0))
 
 
-def drawing_order(hides: Array, depth: Array) -> Indices:
+def drawing_order(hides: Flags, depth: Array) -> list[int]:
     """Numbers of bodies such that those that hide others come later, shape (bodies,).
 
     Where bodies hide each other in a circle the farthest comes first.
@@ -240,26 +205,19 @@ def drawing_order(hides: Array, depth: Array) -> Indices:
         depth: The larger the nearer, shape (bodies,).
     """
     behind = hides.sum(axis=0)
-    drawn = np.zeros(len(depth), dtype=bool)
+    left = np.arange(len(depth))
     order: list[int] = []
-    ready = [(depth[body], int(body)) for body in np.flatnonzero(behind == 0)]
-    heapify(ready)
-    while len(order) < len(depth):
-        if not ready:
-            left = np.flatnonzero(~drawn)
-            left = left[_in_circles(hides[np.ix_(left, left)])]
-            ready = [(0.0, int(left[np.argmin(depth[left])]))]
-        body = heappop(ready)[1]
-        drawn[body] = True
-        order.append(body)
-        for other in np.flatnonzero(hides[body] & ~drawn):
-            behind[other] -= 1
-            if behind[other] == 0:
-                heappush(ready, (depth[other], int(other)))
-    return np.array(order)
+    while len(left):
+        ready = left[behind[left] == 0]
+        if not len(ready):
+            ready = left[_in_circles(hides[np.ix_(left, left)])]
+        order.append(int(ready[np.argmin(depth[ready])]))
+        behind -= hides[order[-1]]
+        left = left[left != order[-1]]
+    return order
 
 
-def _in_circles(hides: Array) -> Array:
+def _in_circles(hides: Flags) -> Flags:
     """Whether bodies hide none but those that hide them, too, in a circle, shape (bodies,)."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
@@ -272,19 +230,17 @@ def _in_circles(hides: Array) -> Array:
 def _marks(view: SpatialView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     """Edges of contacts on the sides that are seen, displaced, with their colours, by side."""
     bodies = view.bodies
-    seen: dict[int, list[int]] = {}
-    for side in np.flatnonzero(bodies.normal @ turn[2] > 1e-6):
-        seen.setdefault(int(bodies.side_block[side]), []).append(int(side))
-    marks: dict[int, list[tuple[Array, str]]] = {}
-    for number, state in enumerate(view.contacts.state):
-        contact = view.structure.contacts[number]
+    seen = bodies.normal @ turn[2] > EDGEWISE
+    marks: dict[int, list[tuple[Array, str]]] = defaultdict(list)
+    states = view.contacts.state.tolist()
+    for contact, state in zip(view.structure.contacts, states, strict=True):
+        corners = contact.corners
         for block in (contact.first, contact.second) if state in MARKS else ():
-            corners = contact.corners
-            flat = view.displaced(corners, block) @ turn[:2].T
-            for side in seen.get(block, ()):
+            flat = (corners + view.displacements(corners, block)) @ turn[:2].T
+            for side in np.flatnonzero(seen & (bodies.side_block == block)):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]
                 on = np.abs(away) < ON_SIDE * view.size
                 for edge in np.flatnonzero(on & np.roll(on, -1)):
                     line = flat[[edge, (edge + 1) % len(flat)]]
-                    marks.setdefault(side, []).append((line, MARKS[ContactState(state)][0]))
+                    marks[side].append((line, MARKS[state][0]))
     return marks

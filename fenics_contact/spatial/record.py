@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.errors import checked
-from fenics_contact.output.files import BRACKET, strict
+from fenics_contact.output.files import BRACKET, strict, tie_records
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
+from fenics_contact.results.result import Table
+from fenics_contact.scene.units import Units
 from fenics_contact.spatial.certificate import tolerances
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit, collapse_proof
@@ -71,9 +75,11 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     found, more = result.answer(words)
     structure = result.structure
     gap = result.scene.solve.gap
-    views = views_of(result).values()
-    parts = zip(result.ends.items(), views, strict=True)
-    ends = {name: _collapse_record(end, view, gap) for (name, end), view in parts}
+    views = views_of(result)
+    ends = {
+        name: _collapse_record(end, views[name], gap) | {"tables": _tables(end, words.units)}
+        for name, end in result.ends.items()
+    }
     first = next(iter(ends.values()))
     return {
         **first,
@@ -107,6 +113,21 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     }
 
 
+def _tables(collapse: SpatialCollapse, units: Units) -> list[dict[str, Any]]:
+    """Rows of the report: on the load factor, and the seismic check where that is asked for."""
+    known = {
+        "load factor": (collapse.load_factor, ".6g"),
+        "gap of its proof, relative": (collapse.gap, ".1e"),
+        "lowest collapse state found": (collapse.lowest, ".6g"),
+        "nothing carries more than": (collapse.upper, ".6g"),
+    }
+    rows = [(name, f"{n:{form}}") for name, (n, form) in known.items() if n and math.isfinite(n)]
+    tables = [Table(rows)]
+    if collapse.seismic is not None:
+        tables.append(SeismicAnswer(collapse.seismic).table(cast(Any, collapse), units))
+    return [vars(one) for one in tables]
+
+
 def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float) -> dict[str, Any]:
     """What is known of one direction, of which a gap was asked for."""
     limit = collapse.status == "limit"
@@ -125,6 +146,7 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
         "seismic": collapse.seismic and asdict(collapse.seismic),
         "falling_blocks": falling if collapse.status == "unstable" else [],
         "wedged_blocks": falling if collapse.status == "unbounded" else [],
+        "ties": tie_records(view.ties),
         "tensions": None if collapse.tension is None else collapse.tension.tolist(),
         "mechanism": moves,
         "attempts": [vars(attempt) for attempt in collapse.attempts],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,59 +37,44 @@ def write_viewer(result: SpatialLimit, folder: Path) -> None:
 
 def viewer_page(result: SpatialLimit) -> str:
     """The page, as HTML. Texts of the user cannot leave the JSON that holds them."""
-    views = dict(zip(result.ends, views_of(result).values(), strict=True))
-    data = json.dumps(_data(next(iter(views.values())), views), separators=(",", ":"))
-    data = data.replace("<", "\\u003c")
-    title = text(getattr(result.scene, "title", "") or "Collapse")
+    views = views_of(result)
+    data = json.dumps(_data(views), separators=(",", ":")).replace("<", "\\u003c")
+    title = text(next(iter(views.values())).title or "Collapse")
     return TEMPLATE.read_text(encoding="utf-8").replace("TITLE", title, 1).replace("DATA", data, 1)
 
 
-def _data(view: SpatialView, views: dict[str, SpatialView]) -> dict[str, Any]:
+def _data(views: Mapping[str, SpatialView]) -> dict[str, Any]:
     """What the page shows: blocks once, motions and contacts by direction."""
-    bodies = view.bodies
-    blocks = view.structure.blocks
+    view = next(iter(views.values()))
+    structure = view.structure
     digits = DIGITS - int(np.floor(np.log10(view.size)))
 
     def rounded(values: Array, digits: int = digits) -> Any:
         return (np.round(values, digits) + 0.0).tolist()  # without signs of zeros
 
-    shapes: dict[tuple[tuple[int, ...], ...], int] = {}
-    pieces = []
-    numbered = ((number, piece) for number, block in enumerate(blocks) for piece in block.pieces)
-    for number, piece in numbered:
-        shape = shapes.setdefault(tuple(map(tuple, piece.sides)), len(shapes))
-        pieces.append({"block": number, "shape": shape, "at": rounded(piece.corners.ravel())})
-    reach = np.linalg.norm(bodies.corner - view.box.mean(axis=0), axis=1).max()
     return {
-        "title": view.title.partition("\n")[0] if "\n" in view.title else "Collapse",
         "centre": rounded(view.box.mean(axis=0)),
         "size": float(np.linalg.norm(np.ptp(view.box, axis=0))),
-        "reach": float(reach + view.size),
         "blocks": [
-            {
-                "name": block.name,
-                "group": block.group,
-                "fixed": block.fixed,
-                "centre": rounded(block.centroid),
-            }
-            for block in blocks
+            {"name": b.name, "group": b.group, "fixed": b.fixed, "centre": rounded(b.centroid)}
+            for b in structure.blocks
         ],
-        "shapes": list(shapes),
-        "pieces": pieces,
-        "ties": [
-            (*bar.blocks, [rounded(end) for end in bar.tie.ends]) for bar in view.structure.bars
+        "pieces": [
+            {"block": int(number), "sides": piece.sides, "at": rounded(piece.corners)}
+            for number, piece in zip(view.bodies.of_piece, view.bodies.pieces, strict=True)
         ],
+        "ties": [(*bar.blocks, rounded(bar.tie.ends)) for bar in structure.bars],
         "views": [
             {
                 "name": direction_words(name),
-                "caption": one.title.rpartition("\n")[2],
+                "caption": one.caption,
                 "motion": rounded(one.motion, digits + 1),
                 "share": rounded(one.share, 3),
                 "use": rounded(one.utilisation, 3),
-                "marked": list(one.marked),
+                "marked": one.marked,
                 "contacts": [
-                    (c.first, c.second, int(state), rounded(c.corners.ravel()))
-                    for c, state in zip(one.structure.contacts, one.contacts.state, strict=True)
+                    (c.first, c.second, int(state), rounded(c.corners))
+                    for c, state in zip(structure.contacts, one.contacts.state, strict=True)
                     if state != ContactState.CLOSED
                 ],
             }

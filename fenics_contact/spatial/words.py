@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.output.fields import AMPLITUDE
 from fenics_contact.results.parts import (
     AS_ONE,
+    NAMED,
     NEAR,
     SHIFTS,
     STEEP,
@@ -32,8 +33,9 @@ CALLED = 0.8
 #: Blocks move alike if they differ by up to this part of the largest displacement; those of a wall
 #: that moves as a whole, if by up to the other: a wall that leans cracks a little in many courses.
 ALIKE, LEANS = 0.05, 0.2
-#: Parts of less than this, over the volume of the largest, are told of together.
-SMALL = 0.15
+#: Parts of less than this, over the volume of the largest, are told of together; so are all but the
+#: first ones where a structure goes to pieces, as domes and vaults do.
+SMALL, FIRST = 0.15, 2
 #: A wall cracks if so much of it moves and so much rests.
 BOTH = 0.1
 #: Cosines of the angles to the upright below and above which an axis is level and upright.
@@ -43,11 +45,12 @@ LONG = 1.5
 
 
 def mechanism_in_words(view: SpatialView) -> str:
-    """The largest parts and what they do, and walls that crack, in one sentence."""
+    """The largest parts and what they do, ties that yield, walls that crack, in one sentence."""
     parts = moving_parts(view)
-    total = sum(not block.fixed for block in view.structure.blocks)
+    total = int(np.sum(view.structure.number >= 0))
     large = [part for part in parts if part.area > SMALL * parts[0].area]
-    told = parts_in_words(large, total, {}, len(parts) - len(large))
+    named = large if len(parts) <= NAMED else large[:FIRST]
+    told = parts_in_words(named, total, view.ties, len(parts) - len(named))
     return "; ".join(filter(None, (told, _cracks(view))))
 
 
@@ -67,183 +70,146 @@ def mechanism_record(view: SpatialView) -> dict[str, Any]:
 
 def moving_parts(view: SpatialView) -> list[Part]:
     """Parts of the blocks that move alike, the largest first."""
-    pairs = np.array([(contact.first, contact.second) for contact in view.structure.contacts])
-    names = _names(view)
+    walls = _walls(view)
     slides = view.contacts.state == ContactState.SLIDES
     found = []
-    for those in _alike(view, pairs, names):
-        outer = np.isin(pairs, those).sum(axis=1) == 1
+    for those in _alike(view, walls):
+        outer = those[view.bodies.pairs].sum(axis=1) == 1
         motion = _motion(view, those, bool(np.any(slides & outer)))
-        volume = sum(view.structure.blocks[k].volume for k in those)
-        name = _called(view, those, names)
-        place = place_in_words(_box(view, those), view.box, PLACES)
-        found.append(Part(those.tolist(), place, motion, volume, name))
+        place = place_in_words(view.box_of(those), view.box, PLACES)
+        volume = float(view.bodies.volume[those].sum())
+        numbers = np.flatnonzero(those).tolist()
+        found.append(Part(numbers, place, motion, volume, _called(view, those, walls)))
     return sorted(found, key=lambda part: -part.area)
 
 
-def _alike(view: SpatialView, pairs: Indices, names: Sequence[str]) -> Iterator[Indices]:
+def _alike(view: SpatialView, walls: Mapping[str, Flags]) -> Iterator[Flags]:
     """Blocks that move alike: walls that move as a whole; then blocks that touch, the most first.
 
     Args:
         view: What moves.
-        pairs: Blocks of the contacts, shape (contacts, 2).
-        names: Of the walls of all blocks.
+        walls: Blocks of walls by name.
     """
-    blocks = view.structure.blocks
-    volume = np.array([block.volume for block in blocks])
-    rigid = connected(pairs[view.contacts.state == ContactState.CLOSED], len(blocks))
-    free = (view.share > AS_ONE) & ~np.isin(rigid, rigid[[block.fixed for block in blocks]])
-    if free.any() and np.all(_away(view, np.flatnonzero(free))[free] < ALIKE):
-        names = []  # all is one part
-    for name in filter(None, dict.fromkeys(names)):
-        wall = np.array([other == name for other in names])
+    pairs = view.bodies.pairs
+    rigid = connected(pairs[view.contacts.state == ContactState.CLOSED], len(view.share))
+    free = (view.share > AS_ONE) & ~np.isin(rigid, rigid[view.structure.number < 0])
+    one = free.any() and np.all(_away(view, free)[free] < ALIKE)
+    for wall in () if one else walls.values():
         mine = free & wall
-        if volume[mine].sum() > CALLED * volume[wall].sum():
-            mine &= _away(view, np.flatnonzero(mine)) < LEANS
-            if volume[mine].sum() > CALLED * volume[wall].sum():
-                free &= ~mine
-                yield np.flatnonzero(mine)
+        if _is_most(view, mine, wall):
+            mine &= _away(view, mine) < LEANS
+        if _is_most(view, mine, wall):
+            free &= ~mine
+            yield mine
     while free.any():
-        largest = np.argmax(np.bincount(rigid, volume * free))
-        those = np.flatnonzero(free & (rigid == largest))
-        like = free & (_away(view, those) < ALIKE)
-        like[those] = True
-        part = connected(pairs[like[pairs].all(axis=1)], len(blocks))
-        like &= part == part[those[0]]
+        largest = free & (rigid == np.argmax(np.bincount(rigid, view.bodies.volume * free)))
+        like = largest | free & (_away(view, largest) < ALIKE)
+        part = connected(pairs[like[pairs].all(axis=1)], len(free))
+        like &= part == part[np.argmax(largest)]
         free &= ~like
-        yield np.flatnonzero(like)
+        yield like
 
 
-def _rigid(view: SpatialView, those: Indices) -> tuple[Array, Array, Array]:
+def _is_most(view: SpatialView, some: Flags, those: Flags) -> bool:
+    """Whether some blocks have nearly all of the volume of those that they are of."""
+    return bool(view.bodies.volume[some].sum() > CALLED * view.bodies.volume[those].sum())
+
+
+def _rigid(view: SpatialView, those: Flags) -> tuple[Array, Array, Array]:
     """Centre of some blocks and the rigid motion that fits theirs best: velocity and turn."""
-    bodies = view.bodies
-    mine = np.isin(bodies.block, those)
-    volume = np.array([view.structure.blocks[k].volume for k in those])
-    centroid = np.array([view.structure.blocks[k].centroid for k in those])
-    centre = volume @ centroid / volume.sum()
-    x, y, z = (bodies.corner[mine] - centre).T
-    one, no = np.ones_like(x), np.zeros_like(x)
-    rows = [[one, no, no, no, z, -y], [no, one, no, -z, no, x], [no, no, one, y, -x, no]]
-    matrix = np.transpose(rows, (2, 0, 1)).reshape(-1, 6)
-    fit = np.linalg.lstsq(matrix, view.displacement[mine].ravel(), rcond=None)[0]
-    return centre, fit[:3], fit[3:]
+    centre = np.average(view.bodies.centroid[those], axis=0, weights=view.bodies.volume[those])
+    mine = those[view.bodies.block]
+    turned = np.cross(np.eye(3), (view.bodies.corner[mine] - centre)[:, None]).transpose(0, 2, 1)
+    matrix = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=2)
+    fit = np.linalg.lstsq(matrix.reshape(-1, 6), view.displacement[mine].ravel(), rcond=None)[0]
+    return np.asarray(centre), fit[:3], fit[3:]
 
 
-def _away(view: SpatialView, those: Indices) -> Array:
+def _away(view: SpatialView, those: Flags) -> Array:
     """How far all blocks move away from a rigid motion of some, over the largest displacement."""
     centre, velocity, turn = _rigid(view, those)
-    bodies = view.bodies
-    field = velocity + np.cross(turn, bodies.corner - centre)
-    away = np.zeros(len(view.structure.blocks))
-    np.maximum.at(away, bodies.block, np.linalg.norm(view.displacement - field, axis=1))
+    field = velocity + np.cross(turn, view.bodies.corner - centre)
+    away = view.bodies.largest(np.linalg.norm(view.displacement - field, axis=1))
     return away / (AMPLITUDE * view.size)
 
 
-def _names(view: SpatialView) -> list[str]:
-    """Names of the walls of all blocks: what builders call them, or their groups; may be empty."""
+def _walls(view: SpatialView) -> dict[str, Flags]:
+    """Blocks of walls, by what builders call them, or by their groups."""
     blocks = view.structure.blocks
-    volume = np.array([0.0 if block.fixed else block.volume for block in blocks])
-    names = np.array([""] * len(blocks), dtype=object)
-    for called in (
-        [block.group for block in blocks],
-        [re.sub(r"(_?\d+)*$", "", block.name) for block in blocks],
-    ):
-        for name in set(called):
-            mine = np.array([other == name for other in called])
-            if mine.sum() > 1 and volume[mine].sum() < CALLED * volume.sum():
+    names = np.full(len(blocks), "", dtype=object)
+    bare = [re.sub(r"(_?\d+)*$", "", block.name) for block in blocks]
+    for called in (np.array([block.group for block in blocks]), np.array(bare)):
+        for name in set(called.tolist()):
+            mine = (called == name) & (view.bodies.volume > 0.0)
+            if mine.sum() > 1 and not _is_most(view, mine, view.bodies.volume > 0.0):
                 kind = blocks[np.argmax(mine)].group.removesuffix("s")
                 names[mine] = f"{name} {kind}" if name in SIDES else name.replace("_", " ")
-    return names.tolist()
+    return {name: names == name for name in dict.fromkeys(names) if name}
 
 
-def _box(view: SpatialView, blocks: Indices) -> Array:
-    """Lowest and highest coordinates of some blocks, m, shape (2, 3)."""
-    extents = np.array([view.structure.blocks[block].extent for block in blocks])
-    return np.array([extents[:, 0].min(axis=0), extents[:, 1].max(axis=0)])
+def _called(view: SpatialView, those: Flags, walls: Mapping[str, Flags]) -> str:
+    """What a part is called by the walls of its blocks; empty if they are of several."""
+    for name, wall in walls.items():
+        mine = those & wall
+        if _is_most(view, mine, those):
+            place = place_in_words(view.box_of(mine), view.box_of(wall), PLACES)
+            part = f"the {place} part of " if place else "a part of "
+            return f"{'' if _is_most(view, mine, wall) else part}the {name}"
+    return ""
 
 
-def _called(view: SpatialView, those: Indices, names: Sequence[str]) -> str:
-    """What a part is called by the names of its blocks; empty if they are of several."""
-    volume = np.array([block.volume for block in view.structure.blocks])
-    shares = {name: volume[[k for k in those if names[k] == name]].sum() for name in names}
-    name = max(shares, key=lambda name: shares[name])
-    if not name or shares[name] < CALLED * volume[those].sum():
-        return ""
-    wall = np.array([k for k, other in enumerate(names) if other == name])
-    if shares[name] > CALLED * volume[wall].sum():
-        return f"the {name}"
-    mine = those[np.isin(those, wall)]
-    place = place_in_words(_box(view, mine), _box(view, wall), PLACES)
-    return f"the {place} part of the {name}" if place else f"a part of the {name}"
-
-
-def _motion(view: SpatialView, those: Indices, slides: bool) -> str:
+def _motion(view: SpatialView, those: Flags, slides: bool) -> str:
     """What a part does, from the rigid motion that fits best."""
     centre, velocity, turn = _rigid(view, those)
-    box = _box(view, those)
-    half = 0.5 * float(np.linalg.norm(box[1] - box[0]))
-    pace, spin = np.linalg.norm(velocity), np.linalg.norm(turn)
-    if spin * half < SHIFTS * pace:
-        across = float(np.hypot(*velocity[:2]))
-        if -velocity[2] > STEEP * across:
-            return "falls"
-        steep = "" if abs(velocity[2]) * STEEP < across else " and up"
-        upright = steep if velocity[2] > 0.0 else steep.replace("up", "down")
-        return f"{'slides' if slides else 'moves'} to {_compass(velocity)}{upright}"
+    box = view.box_of(those)
+    size = float(np.linalg.norm(box[1] - box[0]))
+    spin = float(np.linalg.norm(turn))
+    if 0.5 * size * spin < SHIFTS * np.linalg.norm(velocity):
+        way = _way(velocity)
+        moves = f"{'slides' if slides else 'moves'} to {way}".replace("to up", "up")
+        return "falls" if way == "down" else moves
     if abs(turn[2]) > UPRIGHT * spin:
         return "twists about an upright axis"
-    axis = centre + np.cross(turn, velocity) / spin**2
-    over = np.cross(turn, [0.0, 0.0, 1.0])  # where the upper end goes
-    near = NEAR * 2.0 * half
-    middle = view.box[:, 2].mean()
-    tall = view.box[1, 2] - view.box[0, 2]
-    twists = ", twisting" if abs(turn[2]) > LEVEL * spin else ""
-    if abs(axis[2] - box[0, 2]) < near and axis[2] - box[0, 2] < 0.5 * (box[1, 2] - box[0, 2]):
-        return f"turns about its foot to {_compass(over)}{twists}"
-    if abs(axis[2] - view.box[0, 2]) < NEAR * tall:
-        return f"turns about the foot of the structure to {_compass(over)}{twists}"
-    if abs(axis[2] - box[1, 2]) < near:
-        return f"swings about its top to {_compass(-over)}{twists}"
-    about = f" about an axis at z = {axis[2]:.3g} m" if abs(axis[2] - middle) < 0.5 * tall else ""
-    return f"turns to {_compass(over)}{about}{twists}"
+    axis = float(centre[2] + np.cross(turn, velocity)[2] / spin**2)
+    over = np.array([turn[1], -turn[0], 0.0])  # where the upper end goes
+    twists = ", twisting" * bool(abs(turn[2]) > LEVEL * spin)
+    (foot, top), (ground, crown) = box[:, 2], view.box[:, 2]
+    levels = {"its foot": foot, "the foot of the structure": ground, "its top": top}
+    for name, level in levels.items():
+        if abs(axis - level) < NEAR * size:
+            verb, way = ("swings", _way(-over)) if name == "its top" else ("turns", _way(over))
+            return f"{verb} about {name} to {way}{twists}"
+    about = f" about an axis at z = {axis:.3g} m" * bool(ground < axis < crown)
+    return f"turns to {_way(over)}{about}{twists}"
 
 
-def _compass(vector: Array) -> str:
-    """A level direction by the axes that it is along."""
-    x, y = vector[:2]
-    along = {"x": x if abs(x) * STEEP > abs(y) else 0.0, "y": y if abs(y) * STEEP > abs(x) else 0.0}
-    return " and ".join(
-        f"{'+' if part > 0.0 else '-'}{name}" for name, part in along.items() if part
-    )
+def _way(vector: Array) -> str:
+    """A direction by the axes that it is along."""
+    least = np.abs(vector).max() / STEEP
+    parts = zip((("-x", "+x"), ("-y", "+y"), ("down", "up")), vector, strict=True)
+    return " and ".join(names[int(part > 0.0)] for names, part in parts if abs(part) > least)
 
 
 def _cracks(view: SpatialView) -> str:
     """Walls that crack: a part of each moves and a part rests."""
-    blocks = view.structure.blocks
-    names = _names(view)
-    volume = np.array([block.volume for block in blocks])
+    parted = view.contacts.state != ContactState.CLOSED
+    places = np.array([contact.corners.mean(axis=0) for contact in view.structure.contacts])
     told: dict[str, list[str]] = {}
-    for name in dict.fromkeys(names):
-        mine = np.array([other == name for other in names]) & (view.structure.number >= 0)
-        moves = float(volume[mine & (view.share > AS_ONE)].sum() / (volume[mine].sum() or 1.0))
-        if name and BOTH < moves < 1.0 - BOTH:
-            told.setdefault(_crack(view, np.flatnonzero(mine)), []).append(f"the {name}")
+    for name, mine in _walls(view).items():
+        moves = np.average(view.share > AS_ONE, weights=view.bodies.volume * mine)
+        if BOTH < moves < 1.0 - BOTH:
+            way = _crack(places[parted & mine[view.bodies.pairs].all(axis=1)])
+            told.setdefault(way, []).append(f"the {name}")
     return ", ".join(
-        f"{' and '.join(walls)} crack{'s' * (len(walls) == 1)}{way}" for way, walls in told.items()
+        f"{' and '.join(those)} crack{'s' * (len(those) == 1)}{way}" for way, those in told.items()
     )
 
 
-def _crack(view: SpatialView, wall: Indices) -> str:
+def _crack(places: Array) -> str:
     """Which way a crack goes, by the places of contacts that open or slide."""
-    places = [
-        contact.corners.mean(axis=0)
-        for contact, state in zip(view.structure.contacts, view.contacts.state, strict=True)
-        if state != ContactState.CLOSED and contact.first in wall and contact.second in wall
-    ]
-    if len(places) < 3:
-        return ""
-    spread, axes = np.linalg.svd(places - np.mean(places, axis=0), full_matrices=False)[1:]
-    if spread[0] < LONG * spread[1]:
-        return ""
-    up = abs(axes[0, 2])
-    return " upright" if up > UPRIGHT else " along its courses" if up < LEVEL else " diagonally"
+    if len(places) > 2:
+        spread, axes = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[1:]
+        ways = " along its courses", " diagonally", " upright"
+        if spread[0] > LONG * spread[1]:
+            return ways[np.digitize(abs(axes[0, 2]), [LEVEL, UPRIGHT])]
+    return ""

@@ -38,13 +38,21 @@ def driver(tmp_path_factory):
 
 @pytest.fixture(params=["", "#plain"], ids=["WebGL", "canvas"])
 def page(driver, request, tmp_path):
-    """A tower that tips; drawn by WebGL, and without."""
+    """A tower that tips; drawn by WebGL, and without. Nothing goes wrong, or out."""
     structure = structure_of(TOWER, 0.8, [1.0, 0.0, 0.0])
     collapse = collapse_of(structure)
     result = SpatialLimit(None, structure, {"positive": collapse, "negative": collapse})
     write_viewer(result, tmp_path)
     driver.get((tmp_path / "viewer.html").as_uri() + request.param)
-    return driver
+    yield driver
+    assert [one for one in driver.get_log("browser") if one["level"] == "SEVERE"] == []
+    sent = [json.loads(one["message"])["message"] for one in driver.get_log("performance")]
+    addresses = [
+        one["params"]["request"]["url"]
+        for one in sent
+        if one["method"] == "Network.requestWillBeSent"
+    ]
+    assert [address for address in addresses if address.startswith(("http", "ws"))] == []
 
 
 def picture(page):
@@ -104,15 +112,3 @@ def test_colours_and_names(page):
     told = page.find_element("id", "told").text
     assert "group tower" in told and "moves" in told
     assert page.find_element("id", "direction").is_displayed()
-
-
-def test_nothing_goes_wrong_or_out(page):
-    severe = [one for one in page.get_log("browser") if one["level"] == "SEVERE"]
-    assert severe == []
-    sent = [json.loads(one["message"])["message"] for one in page.get_log("performance")]
-    addresses = [
-        one["params"]["request"]["url"]
-        for one in sent
-        if one["method"] == "Network.requestWillBeSent"
-    ]
-    assert [address for address in addresses if address.startswith(("http", "ws"))] == []

@@ -132,8 +132,7 @@ def _collapses(record: Record) -> Iterator[str]:
     before = ""
     for direction, end in record["ends"].items():
         if end["mechanism"] and (words := end["mechanism"]["words"]):
-            way = record["ways"][direction] if in_space(record) else wording(record).way(direction)
-            way = f"{sentence(way)[:-1]}: " if len(record["ends"]) > 1 else ""
+            way = f"{sentence(way_of(record, direction))[:-1]}: " if len(record["ends"]) > 1 else ""
             mirrored = re.sub("left|right", lambda side: SIDES[side[0]], words)
             yield sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
             before = words
@@ -154,6 +153,12 @@ def wording(record: Record) -> Wording:
     scene = record["scene"]
     units = Units(thickness=scene.get("thickness")).of_report
     return Wording.of(scene["loads"], scene.get("floors") or {}, scene["resultants"]["live"], units)
+
+
+def way_of(record: Record, direction: str) -> str:
+    """Where the live load pushes."""
+    known: str = record["ways"][direction] if in_space(record) else wording(record).way(direction)
+    return known
 
 
 def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:

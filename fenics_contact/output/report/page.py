@@ -20,7 +20,7 @@ from fenics_contact.output.report.answer import (
     floor_text,
     how_it_fails,
     in_space,
-    wording,
+    way_of,
 )
 from fenics_contact.output.report.content import (
     RECORD,
@@ -56,11 +56,10 @@ from fenics_contact.output.report.html import (
     value_text,
 )
 from fenics_contact.output.report.spatial import (
+    NOTES_IN_SPACE,
     OF_BLOCKS,
-    bounds,
+    RANGE_IN_SPACE,
     contacts,
-    limits_of_the_model,
-    options_and_times,
     turning,
 )
 from fenics_contact.results.bounds import FROM_RIGID, counted, equal
@@ -279,7 +278,7 @@ def load_factors(content: Content) -> Iterator[str]:
     per = "tension" if units.thickness else f"tension {PER_METRE}"
     yield heading("The range of load factors")
     if record["status"] == "limit":
-        yield paragraph(RANGE)
+        yield paragraph(RANGE_IN_SPACE if in_space(record) else RANGE)
     told: dict[str, dict[str, str]] = {}  # by title and direction: one beside the other
     for direction, end in record["ends"].items():
         first, *others = end["tables"]
@@ -295,7 +294,7 @@ def load_factors(content: Content) -> Iterator[str]:
             note = paragraph(one["note"]) if one["note"] else ""
             told.setdefault(one["title"], {})[direction] = table(one["rows"], one["head"]) + note
     both = len(record["ends"]) > 1
-    ways = {name: wording(record).way(name) for name in record["ends"]}
+    ways = {name: way_of(record, name) for name in record["ends"]}
     words = {name: way if "to" in way else direction_words(name) for name, way in ways.items()}
     for title, parts in told.items():
         yield '<div class="halves">' * both
@@ -416,7 +415,8 @@ def notes(content: Content) -> Iterator[str]:
     kinds = "materials", "joints", "foundations"
     given = [one.get("compressive_strength") for kind in kinds for one in scene[kind].values()]
     yield heading("What to know when you use these numbers")
-    yield bullets([*NOTES, WITH_STRENGTH if any(given) else WITHOUT_STRENGTH])
+    blocks = WITH_STRENGTH if any(given) else WITHOUT_STRENGTH
+    yield bullets(NOTES_IN_SPACE if in_space(content.record) else [*NOTES, blocks])
 
 
 def verification(content: Content) -> Iterator[str]:
@@ -455,7 +455,7 @@ def computation(content: Content) -> Iterator[str]:
     mesh = record["mesh"]
     iterations = record["iterations"]
     yield heading("Appendix: how it was computed")
-    words = record["words"]
+    words = record.get("words", {})
     keys = KEYS | {name: option for name, (option, _, _) in words.items() if option}
     left_out = LEFT_OUT | {name: default for name, (_, default, _) in words.items() if default}
     phases = PHASES | {name: begins for name, (_, _, begins) in words.items() if begins}
@@ -468,11 +468,11 @@ def computation(content: Content) -> Iterator[str]:
             told = "no" if hurried else left_out[key]
         if told != "-":
             rows.append((GAP if key == "gap" else keys.get(key, key), told))
-    rows += [("method of the state reported", value_text(record["method"]))]
-    rows += [(MEANING[key], mesh[key]) for key in ("cells", "dofs", "joint_points")]
-    rows += [("degree of the displacements", scene["degree"])]
-    counts = ("fixed_point", "factorizations")
-    rows += [(MEANING[key], value_text(iterations[key])) for key in counts]
+    if not in_space(record):
+        rows += [("method of the state reported", value_text(record["method"]))]
+        rows += [("degree of the displacements", scene["degree"])]
+    counts = mesh | iterations
+    rows += [(words, value_text(counts[key])) for key, words in MEANING.items() if key in counts]
     rows += [("processes (MPI ranks)", record["ranks"]), ("date (UTC)", record["date"])]
     yield table(rows)
     seconds = record["seconds"].items()
@@ -485,7 +485,7 @@ def computation(content: Content) -> Iterator[str]:
             head = "attempt", "how it ended", "factorisations"
             yield table(tried, head, f"What was tried, {direction_words(direction)}")
             yield paragraph(f"In short: {end['reason']}.")
-    if record["skipped"]:
+    if record.get("skipped"):
         yield heading("What was left out", 3)
         yield bullets(record["skipped"])
     named = {"fenics-contact": record["version"], **record["versions"]}
@@ -510,12 +510,12 @@ SECTIONS: Mapping[Section, str] = {
 #: The same for blocks in space.
 IN_SPACE: Mapping[Section, str] = {
     first_page: "first",
-    turning: "again",
-    bounds: "break",
+    turning: "",
+    load_factors: "break",
     warnings: "",
-    limits_of_the_model: "",
+    notes: "",
     sensitivity: "",
     contacts: "appendix",
     verification: "appendix",
-    options_and_times: "appendix columns",
+    computation: "appendix columns",
 }
