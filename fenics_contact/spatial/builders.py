@@ -16,6 +16,7 @@ from itertools import pairwise
 from typing import Any, TypeVar, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_contact.errors import InputError, checked, require
 from fenics_contact.geometry.mesh import Array
@@ -196,7 +197,7 @@ def tower(
         corners = block.pieces[0].corners.copy()
         part = 1.0 - (1.0 - top / width) * corners[:, 2:] / height
         corners[:, :2] = 0.5 * width + part * (corners[:, :2] - 0.5 * width)
-        return Block((Polyhedron.hexahedron(corners),), block.name, block.group)
+        return _hexahedron(corners, block.name, block.group)
 
     straight = _masonry(names, size, height, thickness, brick)
     return tuple(block if block.fixed else narrowed(block) for block in straight)
@@ -268,8 +269,8 @@ def cross_vault(
             along = [np.abs(x) + part * (half - np.abs(x)) for part in parts]
             for name, (sign, axes) in webs.items():
                 corners = np.vstack([np.column_stack([x, sign * y, z]) for y in along])
-                solid = Polyhedron.hexahedron(corners[:, [*axes, 2]])
-                blocks.append(Block((solid,), f"{name}_{number + 1}_{piece + 1}", "vault"))
+                title = f"{name}_{number + 1}_{piece + 1}"
+                blocks.append(_hexahedron(corners[:, [*axes, 2]], title, "vault"))
     return tuple(blocks)
 
 
@@ -309,28 +310,25 @@ def dome(
     opening = radius * np.sin(np.radians(5.0)) if oculus is None else oculus
     widest = radius * np.sin(np.radians(embrace))
     require(opening < widest, f"oculus = {opening:g} must be less than {widest:g}, the dome's own")
-    foot = np.radians(embrace)
-    beds = np.linspace(foot, np.arcsin(opening / radius), rings + 1)
-    beds = np.array([foot + np.radians(SPRINGER), *beds])[:, None]
+    springing = np.radians(90.0 - embrace)
+    angles = np.linspace(springing, np.arccos(opening / radius), rings + 1)
+    radii = (radius - 0.5 * thickness, radius + 0.5 * thickness)
+    beds = _ring([springing - np.radians(SPRINGER), *angles], radii, -radius * np.sin(springing))
     halves = 2 if bonded else 1  # pieces of a block
-    azimuths = np.linspace(0.0, 2.0 * np.pi, halves * meridians + 1)[:-1]
-    shell = np.array([radius - 0.5 * thickness, radius + 0.5 * thickness])[:, None, None]
-    x, y = shell * np.sin(beds) * np.cos(azimuths), shell * np.sin(beds) * np.sin(azimuths)
-    z = shell * np.cos(beds) - radius * np.cos(foot)
-    points = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
+    azimuths = np.linspace(0.0, 2.0 * np.pi, halves * meridians, endpoint=False)
     blocks = []
-    for ring in range(rings + 1):
-        fixed = ring == 0
-        loops = points[[0, 1, 1, 0], [ring, ring, ring + 1, ring + 1]]
-        cells = np.concatenate([loops, np.roll(loops, -1, axis=1)])
-        first = ring % halves
+    for ring, ends in enumerate(pairwise(beds)):
+        x, z = _between(*ends).T
+        loops = [np.column_stack([x * np.cos(a), x * np.sin(a), z]) for a in azimuths]
+        loops += loops[: ring % halves + 1]
+        cells = [Polyhedron.hexahedron(np.vstack(two)) for two in pairwise(loops)]
         for column in range(meridians):
-            places = [(halves * column + first + k) % len(azimuths) for k in range(halves)]
-            solids = tuple(Polyhedron.hexahedron(cells[:, place]) for place in places)
-            name = f"springer_{column + 1}" if fixed else f"ring_{ring}_{column + 1}"
-            blocks.append(Block(solids, name, "ground" if fixed else "vault", fixed))
+            first = halves * column + ring % halves
+            solids = tuple(cells[first : first + halves])
+            name = f"ring_{ring}_{column + 1}" if ring else f"springer_{column + 1}"
+            blocks.append(Block(solids, name, "vault" if ring else "ground", not ring))
     if keystone:
-        solid = Polyhedron.hull(points[:, -1].reshape(-1, 3))
+        solid = Polyhedron.hull(np.vstack([loop[1:3] for loop in loops]))
         blocks.append(Block((solid,), "keystone", "vault"))
     return tuple(blocks)
 
@@ -439,13 +437,12 @@ def _masonry(
     for side, rows in given.items():
         key = f"openings.{side}" if given is openings else "openings"
         taken[side] = _openings(key, rows, ends(SIDES[side][0], thickness), count, rise, brick[0])
-    floor_courses = [round(level / rise) for level in floors]
-    for level, course in zip(floors, floor_courses, strict=True):
-        text = f"floors: {level:g} must be between {rise:g} and {height - rise:g}, the last course"
-        require(1 <= course < count, text)
-        for side, courses in taken.items():
-            text = f"floors: {level:g} is in an opening of {side} or in its lintel"
-            require(course not in courses, text)
+    floor_courses = {round(level / rise): f"floors: {level:g}" for level in floors}
+    for course, name in floor_courses.items():
+        text = f"must be between {rise:g} and {height - rise:g}, the last course"
+        require(1 <= course < count, f"{name} {text}")
+        cut = " and ".join(side for side, courses in taken.items() if course in courses)
+        require(not cut, f"{name} is in an opening of {cut} or in its lintel")
     blocks = [_ground((0.0, 0.0), plan)]
     for course in range(count):
         low, high = course * rise, (course + 1) * rise
@@ -457,8 +454,8 @@ def _masonry(
             across = thickness if axis else deep
             near = far * (plan[1 - axis] - across)
             run = ends(axis, 0.0 if axis == through else deep)
-            cut = taken.get(side, {}).get(course, [])
-            bricks = _bricks(run, cut, brick[0], (course + axis) % 2)
+            holes = taken.get(side, {}).get(course, [])
+            bricks = _bricks(run, holes, brick[0], (course + axis) % 2)
             for number, (start, end, group) in enumerate(bricks):
                 corners = np.array([[start, near, low], [end, near + across, high]])
                 lowest, highest = corners[:, [1, 0, 2]] if axis else corners
@@ -537,8 +534,13 @@ def _joints(
     if springers:
         foot = springing - np.radians(SPRINGER)
         angles = np.array([np.pi - foot, *angles, foot])
+    return _ring(angles, (inner, inner + thickness), rise - inner)
+
+
+def _ring(angles: npt.ArrayLike, radii: Pair, centre: float) -> Array:
+    """Ends of joints, x and z, m, at angles from the horizontal, shape (joints, 2, 2)."""
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.stack([r * rays + [0.0, rise - inner] for r in (inner, inner + thickness)], axis=1)
+    return np.stack([radius * rays + [0.0, centre] for radius in radii], axis=1)
 
 
 def _between(one: Array, two: Array) -> Array:
@@ -569,7 +571,11 @@ def _box(low: Any, high: Any, name: str, group: str, fixed: bool = False) -> Blo
 
 def _prism(loop: Any, along: Pair, name: str, group: str, fixed: bool = False) -> Block:
     """A block over a quadrilateral in x and z, between two y."""
-    corners = np.array([[x, y, z] for y in along for x, z in loop])
+    return _hexahedron([[x, y, z] for y in along for x, z in loop], name, group, fixed)
+
+
+def _hexahedron(corners: Any, name: str, group: str, fixed: bool = False) -> Block:
+    """A block of eight corners."""
     return Block((Polyhedron.hexahedron(corners),), name, group, fixed)
 
 

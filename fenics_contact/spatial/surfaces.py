@@ -9,13 +9,13 @@ middle crosses the surface an odd number of times.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.errors import require
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.planar_cells import SIZES, connected
 from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron, edges_of, not_closed
 
@@ -59,6 +59,8 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
     Raises:
         InputError: If there are none, or one is open, touches itself, or has no volume.
     """
+    from scipy.spatial import cKDTree
+
     where = f"{source}: block '{surface.name}'"
     points = np.vstack([np.empty((0, 3)), *surface.faces])
     require(len(points) > 0, f"{where} has no faces; delete it, or draw its surface")
@@ -68,7 +70,10 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
     largest = np.abs(points).max()
     text = f"{where} is {width:g} m wide, {largest:g} m from the origin; give another unit"
     require(SIZES[0] <= width and largest <= SIZES[1], text)
-    points, place = _welded(points, WELD * width)
+    near = cKDTree(points).query_pairs(WELD * width, output_type="ndarray")
+    label = connected(near, len(points))
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
+    points = points[first]
     loops: list[Loop] = []
     for numbers in np.split(place, np.cumsum([len(face) for face in surface.faces])[:-1]):
         loop = tuple(k for k, _ in groupby(numbers.tolist()))
@@ -85,16 +90,6 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
             require(not piece.problem, f"{source}: block '{name}': {piece.problem}")
         blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed))
     return blocks
-
-
-def _welded(points: Array, near: float) -> tuple[Array, Indices]:
-    """Points of which none are near each other, and the number in them of every point given."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
-    label = connected(pairs, len(points))
-    _, first, number = np.unique(label, return_index=True, return_inverse=True)
-    return points[first], number
 
 
 def _bodies(loops: list[Loop]) -> list[list[Loop]]:
@@ -114,8 +109,8 @@ def _bodies(loops: list[Loop]) -> list[list[Loop]]:
 def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]:
     """Convex pieces of a body: one, if it is convex."""
     used, numbers = np.unique(np.concatenate(loops), return_inverse=True)
-    ends = np.cumsum([0, *map(len, loops)])
-    loops = [tuple(numbers[start:end].tolist()) for start, end in pairwise(ends)]
+    ends = np.cumsum([len(loop) for loop in loops])[:-1]
+    loops = [tuple(loop.tolist()) for loop in np.split(numbers, ends)]
     points = points[used]
     size = np.ptp(points, axis=0).max()
     hull = _hull(points, size)
