@@ -36,14 +36,15 @@ def driver(tmp_path_factory):
     made.quit()
 
 
-@pytest.fixture(params=["", "#plain"], ids=["WebGL", "canvas"])
-def page(driver, request, tmp_path):
+@pytest.fixture(scope="module", params=["", "#plain"], ids=["WebGL", "canvas"])
+def page(driver, request, tmp_path_factory):
     """A tower that tips; drawn by WebGL, and without. Nothing goes wrong, or out."""
     structure = structure_of(TOWER, 0.8, [1.0, 0.0, 0.0])
     collapse = collapse_of(structure)
     result = SpatialLimit(None, structure, {"positive": collapse, "negative": collapse})
-    write_viewer(result, tmp_path)
-    driver.get((tmp_path / "viewer.html").as_uri() + request.param)
+    folder = tmp_path_factory.mktemp("viewer")
+    write_viewer(result, folder)
+    driver.get((folder / "viewer.html").as_uri() + request.param)
     yield driver
     assert [one for one in driver.get_log("browser") if one["level"] == "SEVERE"] == []
     sent = [json.loads(one["message"])["message"] for one in driver.get_log("performance")]
@@ -75,6 +76,7 @@ def click(page, selector):
 def test_slider_moves_the_blocks(page):
     from selenium.webdriver.common.keys import Keys
 
+    click(page, "#colour option[value='share']")
     click(page, "[data-turn='-90 0']")  # from the front
     click(page, "#marks")
     slider = page.find_element("id", "motion")
@@ -89,6 +91,7 @@ def test_keys_and_mouse_turn_the_blocks(page):
     from selenium.webdriver.common.action_chains import ActionChains
 
     canvas = page.find_element("id", "canvas")
+    canvas.send_keys("\ue011")  # home
     seen = [picture(page)]
     canvas.send_keys("\ue014")  # an arrow
     seen.append(picture(page))
