@@ -27,7 +27,7 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.scene import JointLaw, Tie
+from fenics_contact.scene.scene import Bar, JointLaw
 from fenics_contact.scene.units import Units
 
 #: Back to the start of a line of a terminal, and what is on it is gone.
@@ -386,7 +386,8 @@ def description(layout: Layout, verbose: bool = False) -> str:
             f"{kind} {name}: {law_text(law, units)}, {f'{int(mine.sum())} points, ' * verbose}"
             f"length {units.length(joints.length[mine].sum())}"
         )
-    lines += [f"tie {name}: {_tie_text(tie, units)}" for name, tie in scene.ties.items()]
+    for name, tie in scene.ties.items():
+        lines.append(f"tie {name}: {tie_text(tie, units, 'N' if tie.spacing else 'N/m')}")
     for one in soil_forces(layout, None):
         soil = scene.soil[one.name]
         least, most = soil.coefficients
@@ -432,15 +433,15 @@ def law_text(law: JointLaw, units: Units) -> str:
     return text + (f", gaps up to {units.length(law.gap)}" if law.gap else "")
 
 
-def _tie_text(tie: Tie, units: Units) -> str:
-    """Ends of a tie, and what it carries, as given."""
+def tie_text(tie: Bar, units: Units, per: str = "N") -> str:
+    """Ends of a tie, and what it carries, as given in a unit of forces."""
     ends = [
         units.place(end, 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
         for end in (tie.from_, tie.ground or tie.to)
     ]
-    per = "N" if tie.spacing else "N/m"
     text = f"from {ends[0]} to {'the ground at ' if tie.ground else ''}{ends[1]}"
     text += f", yield {units.text(tie.yield_, per)}"
     text += f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
     text += f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
-    return text + (f", every {units.length(tie.spacing)}" if tie.spacing else "")
+    spacing = getattr(tie, "spacing", None)
+    return text + (f", every {units.length(spacing)}" if spacing else "")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fenics_contact.console import law_text
+from fenics_contact.console import law_text, tie_text
 from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import NAMED
@@ -37,10 +37,7 @@ def description(scene: Scene, structure: Structure) -> str:
         found = f"{counted(len(areas), 'contact')}, area {sum(areas):.6g} m2"
         text = f"{law_text(law, units)}, {found}" if law.acts else "off: carries nothing"
         lines.append(f"{kind[:-1]} {name}: {text}")
-    for name, tie in scene.ties.items():
-        ends = " to ".join(units.place(end) for end in tie.ends)
-        more = f", prestress {units.force(tie.prestress)}" if tie.prestress else ""
-        lines.append(f"tie {name}: {ends}, yields at {units.force(tie.yield_)}{more}")
+    lines += [f"tie {name}: {tie_text(tie, units)}" for name, tie in scene.ties.items()]
     for name, floor in scene.floors.items():
         more = ", with its mass" if floor.mass else ""
         lines.append(

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fenics_contact.answers.lowest import FOUND
 from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
@@ -30,7 +31,7 @@ from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
 from fenics_contact.spatial.record import LimitLoad
-from fenics_contact.spatial.result import SEARCHED, SpatialCollapse, named
+from fenics_contact.spatial.result import SpatialCollapse, named
 from fenics_contact.spatial.scene import Scene, SolveOptions
 from fenics_contact.spatial.seismic import seismic_check
 from fenics_contact.spatial.structure import Structure
@@ -291,7 +292,7 @@ def _with_lowest(
     if instead and best.load_factor == least:
         lowest = as_collapse(structure, best, found.sign, options.gap)
         if lowest.status == "limit":
-            found = replace(lowest, searched=SEARCHED, attempts=found.attempts)
+            found = replace(lowest, searched=FOUND, attempts=found.attempts)
     return replace(found, lowest=found.sign * least, factorizations=spent)
 
 

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from fenics_contact.answers.lowest import FOUND
 from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
@@ -21,8 +22,6 @@ from fenics_contact.spatial.structure import Structure
 
 #: What forces at the corners of contacts leave out.
 QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
-#: What a state is that was searched for.
-SEARCHED = "lowest collapse state found, with any self-stress"
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ def _lines(collapse: SpatialCollapse, words: Wording) -> list[Line]:
     if math.isfinite(collapse.lowest) and not collapse.searched:
         lower = abs(collapse.lowest) < abs(factor) * (1.0 - 2e-3)
         text = words.beside(collapse.lowest, factor, collapse.sign) if lower else "this one"
-        lines.append(Line(f"{SEARCHED}:", text, states=True))
+        lines.append(Line(f"{FOUND}:", text, states=True))
     if math.isfinite(collapse.upper):
         most = words.beside(collapse.upper, factor, collapse.sign, 1)
         lines.append(Line("nothing carries more than", most, states=True))
