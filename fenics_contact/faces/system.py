@@ -41,27 +41,23 @@ class Springs:
         self._choices = choices
         self._bases = bases
         self._last = last
-        sides = (right,) if left is right else (right, left)
-        vectors = [np.ascontiguousarray(side.T) for side in sides]  # (m, k, units)
-        crossed = [cross_products(one, choices) for one in vectors]
-        pairs = zip(crossed, vectors, strict=True)
-        volumes = [np.sum(one[:, bases] * other[:, last], axis=0) for one, other in pairs]
-        self._right = crossed[0]
-        self._left = crossed[-1]
-        self._volumes = volumes[0] * volumes[-1]
+        self._right = cross_products(right, choices)
+        same = left is right
+        self._left = self._right if same else cross_products(left, choices)
+        volume = np.einsum("ujm,ujm->uj", self._right[:, bases], right[:, last])
+        other = volume
+        if not same:
+            other = np.einsum("ujm,ujm->uj", self._left[:, bases], left[:, last])
+        self._volumes = volume * other
 
     def inverse(self, weights: Array) -> Array:
         """M^-1, shape (units, m, m), with weights of shape (units, k)."""
-        by_vector = np.ascontiguousarray(weights.T)
-        chosen = np.prod(by_vector[self._choices], axis=1)
-        terms = chosen[self._bases] * by_vector[self._last]
-        scaled = self._right * (chosen / np.einsum("ju,ju->u", terms, self._volumes))
-        size = len(scaled)
-        inverse = np.empty((len(weights), size, size))
-        for row in range(size):
-            for column in range(size):
-                inverse[:, row, column] = np.einsum("ju,ju->u", scaled[row], self._left[column])
-        return inverse
+        chosen = np.prod(weights[:, self._choices], axis=2)
+        determinant = np.einsum(
+            "uj,uj->u", chosen[:, self._bases] * weights[:, self._last], self._volumes
+        )
+        scaled = self._right * (chosen / determinant[:, None])[:, :, None]
+        return np.asarray(np.matmul(scaled.transpose(0, 2, 1), self._left))
 
 
 @lru_cache(maxsize=8)
@@ -78,13 +74,12 @@ def _choices(count: int, size: int) -> tuple[Any, Any, Any]:
 
 
 def cross_products(vectors: Array, choices: Any) -> Array:
-    """Generalised cross products of choices of vectors, shape (m, choices, units)."""
-    first = vectors[:, choices[:, 0]]
-    if len(vectors) == 2:
-        return np.stack([-first[1], first[0]])
-    second = vectors[:, choices[:, 1]]
-    turned = [[1, 2, 0], [2, 0, 1]]
-    return np.asarray(first[turned[0]] * second[turned[1]] - first[turned[1]] * second[turned[0]])
+    """Generalised cross products of choices of vectors, shape (units, choices, m)."""
+    if vectors.shape[2] == 2:
+        v = vectors[:, choices[:, 0]]
+        return np.stack([-v[..., 1], v[..., 0]], axis=-1)
+    (x, y, z), (u, v, w) = (np.moveaxis(vectors[:, choices[:, k]], -1, 0) for k in (0, 1))
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 class Equations:

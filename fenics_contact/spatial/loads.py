@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
@@ -303,12 +302,17 @@ class Masses:
         return summed(blocks, self.block, self.position, force)
 
 
+def _fan(corners: Array) -> Array:
+    """Triangles of a convex polygon in space, shape (triangles, 3, 3)."""
+    first = np.broadcast_to(corners[0], corners[2:].shape)
+    return np.stack([first, corners[1:-1], corners[2:]], axis=1)
+
+
 def _tetrahedra(block: Block) -> Array:
     """Tetrahedra of a block's pieces, each on an inner point, shape (tetrahedra, 4, 3)."""
     corners = []
     for piece in block.pieces:
-        triangles = [(side[0], *pair) for side in piece.sides for pair in pairwise(side[1:])]
-        outer = piece.corners[np.array(triangles)]
+        outer = np.concatenate([_fan(piece.corners[list(side)]) for side in piece.sides])
         inner = np.broadcast_to(piece.centroid, (len(outer), 1, 3))
         corners.append(np.concatenate([inner, outer], axis=1))
     return np.concatenate(corners)
@@ -351,14 +355,10 @@ def surface_loads(
 
 
 def _middle(corners: Array) -> tuple[float, Array]:
-    """Area, m2, and centroid, m, of a plane polygon in space."""
-    edges = corners[1:] - corners[0]
-    vectors = np.cross(edges[:-1], edges[1:])
-    whole = vectors.sum(axis=0)
-    area = float(np.linalg.norm(whole))
-    part = vectors @ whole / area**2
-    centres = (corners[0] + corners[1:-1] + corners[2:]) / 3.0
-    return 0.5 * area, np.asarray(part @ centres)
+    """Area, m2, and centroid, m, of a convex polygon in space."""
+    fan = _fan(corners)
+    areas = 0.5 * np.linalg.norm(np.cross(fan[:, 1] - fan[:, 0], fan[:, 2] - fan[:, 0]), axis=1)
+    return float(areas.sum()), np.asarray(areas @ fan.mean(axis=1) / areas.sum())
 
 
 def numbered(
