@@ -98,6 +98,9 @@ class SpatialWording(Wording):
         axis = int(np.argmax(np.abs(vector)))
         if np.abs(vector).sum() - abs(vector[axis]) < 1e-6:
             return f"along {'+' if vector[axis] > 0.0 else '-'}{'xyz'[axis]}"
+        if abs(vector[2]) < 1e-6:
+            degrees = math.degrees(math.acos(vector[0]))
+            return f"at {degrees:.3g} degrees from +x towards {'+' if vector[1] > 0.0 else '-'}y"
         return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
 
 

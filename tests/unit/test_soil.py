@@ -69,7 +69,7 @@ def test_block_slides_into_soil_and_away_from_it(engine, degree):
         (found,) = record["directions"][direction]["soil"]
         assert found["state"] == state
         assert found["force"] == pytest.approx(part * force, rel=1e-6)
-    assert "soil: bank" in summary(result)
+    assert "soil: to the right bank" in summary(result)
     assert len(result.ties) == 0 or "state" not in result.ties
 
 
