@@ -27,7 +27,7 @@ from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
-from fenics_contact.search_options import SEARCH, SearchOptions
+from fenics_contact.search_options import SEARCH
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,6 @@ class Certifier:
     model: FaceModel
     equations: Equations
     sign: float = 1.0
-    options: SearchOptions = SEARCH
 
     def near(self, elastic: Iterate, work: float) -> tuple[FaceState | None, float]:
         """A state near an elastic one under some work; the limit with its strengths.
@@ -108,7 +107,7 @@ class Certifier:
                 program, start, Tolerances(10.0 * SEARCH.face_gap), start.mu / SEARCH.decade
             )
         if near is None or not near.within(1e-5):
-            near = solve(program, options=self.options)
+            near = solve(program)
         if not near.within(1e-5):
             return None
         work = abs(float(model.live @ near.motion))
@@ -144,11 +143,11 @@ class Certifier:
                 return own - self.sign * iterate.load_factor < goal
 
             start = replace(near, motion=mode, duals=self._duals(mode))
-            found = solve(program, start, to_least_gap(), mu, enough, self.options)
+            found = solve(program, start, to_least_gap(), mu, enough=enough)
             if not (found.missing < 1e-7 and (found.gap < 1e-2 or found.solved)):
                 found = None
         if found is None:
-            found = solve(program, None, to_least_gap(), options=self.options)
+            found = solve(program, None, to_least_gap())
         return self.state(found, mode)
 
     def state(self, found: Iterate, mode: Array) -> FaceState | None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from fenics_contact.faces.system import Equations
 from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
-
-#: Where no state was found. Thousands of blocks take short steps for long, which lead on.
-PATIENT = replace(SEARCH, face_short=0.02, interior_steps=200)
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,6 @@ class FaceSearch:
         self._effort = SEARCH.collapse_cost if effort is None else effort
         self._check_stop = check_stop
         self._near = near
-        self._options = SEARCH
         self._certifier = Certifier(model, self.equations)
 
     def run(self, hopeless: Callable[[], bool] | None = None) -> FaceState | None:
@@ -82,29 +78,20 @@ class FaceSearch:
             hopeless: Whether to look no further, asked once the elastic state led to none so good.
                 States beside the best one are then looked for first, as long as gaps fall.
         """
-        look_further = self._tried(hopeless)
-        if look_further and self.best is None and not self.is_spent:
-            self._options = PATIENT
-            self._certifier = replace(self._certifier, options=PATIENT)
-            self._tried(hopeless)
-        return self.best
-
-    def _tried(self, hopeless: Callable[[], bool] | None) -> bool:
-        """Whether it is worth while to look further, once all starts were tried."""
         state, work = self._with_coulomb(self.work)
         rounds = 1
         if hopeless is not None and not self._found:
             rounds = SEARCH.face_rounds
             self._from_best(rounds)
             if hopeless():
-                return False
+                return self.best
         if not self._found:
             self._with_given_part(self.model.normal(np.maximum(state.force, 0.0)), work)
         if not self._found:
             self._from_best(rounds)
         if not self._found:
             self._from_associative()
-        return True
+        return self.best
 
     def _from_best(self, rounds: int) -> None:
         """States of least gap for modes of the best state, their load factors let free."""
@@ -129,7 +116,7 @@ class FaceSearch:
             return
         for sign in (1.0, -1.0):
             self._check_stop()
-            certifier = replace(self._certifier, sign=sign)
+            certifier = Certifier(self.model, self.equations, sign)
             found = certifier.of(upper.force)
             size = self.model.size(upper.load_factor)
             least = upper.load_factor - SEARCH.rough_gap * size
@@ -212,7 +199,7 @@ class FaceSearch:
             work,
             elastic=True,
         )
-        return solve(program, tolerances=Tolerances(gap, 1e-5, 1e-3), options=self._options)
+        return solve(program, tolerances=Tolerances(gap, 1e-5, 1e-3))
 
     def _certified(self, name: str, state: Iterate, work: float) -> float:
         """Hand a state to the certificate; the limit with its strengths."""
