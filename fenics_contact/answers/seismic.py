@@ -68,7 +68,7 @@ class SeismicCheck:
             return value
         ratio = self.acceleration / self.demand
         verdict = "enough" if ratio >= 1.0 else "NOT enough"
-        return f"{value}, {ratio:.3g} times the {self.demand:.4g} m/s2 asked for: {verdict}"
+        return f"{value} ({ratio:.3g} times the {self.demand:.4g} m/s2 asked for: {verdict})"
 
     @classmethod
     def of(

@@ -183,7 +183,7 @@ def test_files_and_texts_have_the_check():
 )
 def test_demand_gives_a_verdict(demand, verdict):
     result = limit_load(scene([rectangle(0, 0, 0.5, 2.0)], Seismic(demand=demand)))
-    assert f"a0* of 1.817 m/s2 = 0.1852 g, {verdict}" in result.summary()
+    assert f"a0* of 1.817 m/s2 = 0.1852 g ({verdict})" in result.summary()
     assert result_record(result)["seismic"]["positive"]["demand"] == demand
 
 
