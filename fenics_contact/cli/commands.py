@@ -19,6 +19,7 @@ from mpi4py import MPI
 from fenics_contact.console import Progress, ProgressLine, SweepProgress, description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
+from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
@@ -101,8 +102,9 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     folder = _output_folder(options, comm)
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     every = ["output.pictures=all"] if options.pictures else []
-    in_space = _in_space(options, comm)
-    scene = _scene_of(options, comm, [*options.overrides, *fast, *every])
+    tables = read_toml(options.scene, comm, [*options.overrides, *fast, *every])
+    scene = _scene_of(tables, options.scene.parent, comm)
+    in_space = not isinstance(scene, Scene)
     find: Callable[..., Any] = limit_load
     if in_space:
         from fenics_contact.spatial.limit import limit_load as find
@@ -140,18 +142,15 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
     return f"next: {shlex.join(['fenics-contact', command, f'{of}', *settings])}"
 
 
-def _in_space(options: argparse.Namespace, comm: MPI.Comm) -> bool:
-    """Whether a scene has three dimensions."""
-    return read_toml(options.scene, comm, options.overrides).get("dimension") == 3
-
-
-def _scene_of(options: argparse.Namespace, comm: MPI.Comm, overrides: Sequence[str]) -> Any:
-    """A scene in the plane or in space."""
-    if _in_space(options, comm):
+def _scene_of(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> Any:
+    """A scene in the plane or in space, from the tables of a file in a folder."""
+    if tables.get("dimension") == 3:
         from fenics_contact.spatial.scene import Scene as SpatialScene
 
-        return SpatialScene.from_file(options.scene, comm, overrides)
-    return Scene.from_file(options.scene, comm, overrides)
+        return SpatialScene.from_tables(tables, folder)
+    return Scene.from_tables(
+        tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
+    )
 
 
 def _first(signals: Signals, comm: MPI.Comm) -> int:
@@ -212,8 +211,9 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
-    scene = _scene_of(options, comm, options.overrides)
-    if _in_space(options, comm):
+    tables = read_toml(options.scene, comm, options.overrides)
+    scene = _scene_of(tables, options.scene.parent, comm)
+    if not isinstance(scene, Scene):
         from fenics_contact.spatial.check import description as of_space
         from fenics_contact.spatial.check import warnings_on
 
@@ -234,7 +234,6 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the state under the dead load, or at a load factor, print it and write its files."""
     from fenics_contact.equilibrium import standing
-    from fenics_contact.geometry.mesh import BlockMesh
 
     folder = _output_folder(options, comm, "_state")
     factor = options.load_factor
@@ -250,20 +249,16 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
             )
         is_table = isinstance(dead, dict)
         loads["live"] = {k: v for k, v in dead.items() if k != "movement"} if is_table else dead
+    scene = _scene_of(tables, options.scene.parent, comm)
     found: Any
-    if tables.get("dimension") == 3:
-        from fenics_contact.spatial.limit import standing as find
-        from fenics_contact.spatial.scene import Scene as SpatialScene
-
-        found = find(SpatialScene.from_tables(tables, options.scene.parent), factor)
-        warnings = found.structure.warnings
-    else:
-        scene = Scene.from_tables(
-            tables,
-            lambda file, blocks: BlockMesh.from_file(options.scene.parent / file, comm, blocks),
-        )
+    if isinstance(scene, Scene):
         found = standing(scene, factor)
         warnings = found.layout.warnings
+    else:
+        from fenics_contact.spatial.limit import standing as find
+
+        found = find(scene, factor)
+        warnings = found.structure.warnings
     acting = "loads." if factor else "loads.dead."
     lines = [
         f"warning: {text}"
