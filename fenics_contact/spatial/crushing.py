@@ -118,13 +118,14 @@ class Crushing:
 
     def limit(
         self, model: FaceModel, strength: Array, friction: Array, cost: Array
-    ) -> tuple[float, Array, Array]:
+    ) -> tuple[float, Array, Array, float]:
         """The least cost . n - lambda of a model.
 
         Unknowns are lambda, forces of units, and u and v, all over the typical force.
 
         Returns:
-            Lambda, forces of units, and the multipliers of equilibrium, which are motions.
+            Lambda, forces of units, the multipliers of equilibrium, which are motions, and the most
+            that they leave to lambda - cost . n.
 
         Raises:
             InputError: If clarabel is missing.
@@ -188,7 +189,8 @@ class Crushing:
             if str(found.status) in ("Solved", "AlmostSolved"):
                 unknowns = np.array(found.x)
                 forces = unknowns[1 : 1 + 3 * units].reshape(-1, 3) * size
-                return float(unknowns[0]), forces, np.array(found.z)[: len(model.live)] / size
+                motion = np.array(found.z)[: len(model.live)] / size
+                return float(unknowns[0]), forces, motion, -float(found.obj_val_dual)
         raise SolverError(f"Clarabel ended with {found.status}")
 
 
@@ -220,11 +222,12 @@ def crushed_state(
         for _ in range(ROUNDS):
             check_stop()
             own = model.own_strength(force)
-            limit, _, motion = crushing.limit(model, own, model.dilatancy, np.zeros(len(own)))
+            none = np.zeros(len(own))
+            _, _, motion, limit = crushing.limit(model, own, model.dilatancy, none)
             motion = motion / float(model.live @ motion)
             slip = model.power(motion).slip
             cost = model.free_friction * slip
-            factor, force, _ = crushing.limit(model, model.strength, model.friction, cost)
+            factor, force, _, _ = crushing.limit(model, model.strength, model.friction, cost)
             upper = limit + float((model.own_strength(force) - own) @ slip)
             gap = max(upper - factor, 0.0) / model.size(factor)
             if best is None or gap < best.gap:
