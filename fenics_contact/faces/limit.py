@@ -19,12 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.errors import SolverError
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
-from fenics_contact.faces.system import Equations
+from fenics_contact.faces.system import SHIFT, Equations
 from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
@@ -129,7 +130,12 @@ class FaceSearch:
     @property
     def work(self) -> float:
         """W, the first one."""
-        return SEARCH.first_work * elastic_response(self.model, self.equations).work
+        model = self.model
+        work = elastic_response(model, self.equations).work
+        # Softer than the shift of the matrix is: nothing holds some block.
+        if not work < float(model.live @ model.live) * model.compliance.max() / SHIFT:
+            raise SolverError("the faces do not hold the blocks")
+        return SEARCH.first_work * work
 
     @property
     def _found(self) -> bool:

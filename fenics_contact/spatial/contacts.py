@@ -38,7 +38,7 @@ TOLD = {
     " touch, set tolerance = {above:.3g}",
     "sliver": "the contact of blocks '{0}' and '{1}' is {by:.3g} m wide{more}: it is left out",
     "warped": "sides of block '{0}' are warped by {by:.3g} m{more}: they are taken as plane",
-    "alone": "block '{0}' touches nothing{more}: it falls",
+    "alone": "block '{0}' touches nothing{more}: it falls, if no tie holds it",
     "loose": "block '{0}' touches others, but none of them is held by a fixed block{more}",
 }
 

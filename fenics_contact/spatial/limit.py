@@ -25,6 +25,7 @@ from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end, motion_under, state_alone, state_under
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.values import large
 from fenics_contact.search_options import SEARCH
@@ -217,13 +218,24 @@ def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) ->
     """Numbers of the blocks that fall under the dead load and some live load; none if they stand.
 
     The motion opens all contacts and the loads do work in it: no forces inside the cones resist.
+    Blocks that neither contacts nor ties join to the ground fall as they are.
     """
+    count = len(structure.blocks)
+    ends = np.column_stack([block for _, block, _ in structure.ends])
+    held = np.where(np.append(structure.number, -1) < 0, count, np.arange(count + 1))[ends]
+    parts = connected(held, count + 1)
+    loose = (parts[:count] != parts[count]) & (structure.number >= 0)
+    if np.any(loose):
+        return tuple(np.flatnonzero(loose).tolist())
     motion = motion_under(model, load_factor)
     if motion is None:
         return ()
-    relative = np.abs(model.relative(motion)).max(initial=1e-300)
-    associative = replace(model, dilatancy=model.friction).power(motion)
-    if associative.closing.max(initial=0.0) > SEARCH.verified * relative:
+    loads = model.dead + load_factor * model.live
+    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
+    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
+    doubt = power.closing.sum() * np.abs(loads).sum()
+    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    if power.bound(model.strength) + doubt >= float(loads @ motion):
         return ()
     return _numbers(structure, np.linalg.norm(motion.reshape(-1, 6), axis=1))
 

@@ -186,7 +186,7 @@ def test_edges_and_corners_that_touch_are_no_contacts():
         other = box(low, np.array(low) + 1.0, "b")
         contacts, warnings = checked_contacts([cube, other])
         assert contacts == ()
-        assert warnings == ("block 'b' touches nothing: it falls",)
+        assert warnings == ("block 'b' touches nothing: it falls, if no tie holds it",)
 
 
 def test_slivers_are_left_out():
@@ -210,7 +210,7 @@ def test_gaps_are_told_and_closed_by_a_tolerance():
         "sides of blocks 'ground' and 'a' are 0.002 m apart (and 1 more): no force passes; if they"
         " touch, set tolerance = 0.00202"
     )
-    assert alone == "block 'a' touches nothing (and 1 more): it falls"
+    assert alone == "block 'a' touches nothing (and 1 more): it falls, if no tie holds it"
     contacts, warnings = checked_contacts(blocks, tolerance=0.00202)
     assert [contact.area for contact in contacts] == pytest.approx([1.0, 1.0])
     assert contacts[0].corners[:, 2] == pytest.approx(0.001)

@@ -98,6 +98,27 @@ def test_a_block_that_overhangs_falls():
     assert math.isnan(result.load_factor)
 
 
+@pytest.mark.filterwarnings("error")
+def test_blocks_that_nothing_holds_fall():
+    """Two that touch each other alone, above a block that stands."""
+    loose = box("a", [0, 0, 3], [1, 1, 4]) | box("b", [0, 0, 4], [1, 1, 5])
+    result = limit_load(block_scene(blocks=box("stone", [0, 0, 0], [1, 1, 2]) | loose))
+    assert (result.status, result.collapse.falling) == ("unstable", (1, 2))
+    assert result.summary() == "it does not stand under its dead load: blocks a, b fall"
+
+
+def test_a_block_that_hangs_on_a_tie_stands():
+    """Rounding turns it without end; that is no proof that it falls."""
+    ground = {"ground": {"friction": 0.6, "z": 0.0}}
+    rope = {"from": [2.5, 0.5, 1.4], "ground": [2.5, 0.5, 4.0], "yield": 1e5}
+    blocks = box("stone", [0, 0, 0], [1, 1, 2]) | box("hangs", [2, 0, 0.5], [3, 1, 1.5])
+    scene = block_scene(blocks=blocks, foundations=ground, ties={"rope": rope})
+    assert standing(scene).status == "equilibrium"
+    pushed = limit_load(scene)
+    assert pushed.status == "not_converged"
+    assert "the faces do not hold the blocks" in pushed.summary()
+
+
 def test_a_block_between_walls_is_wedged():
     walls = box("left", [-1, 0, 0], [0, 1, 2], True) | box("right", [1, 0, 0], [2, 1, 2], True)
     blocks = walls | box("stone", [0, 0, 0], [1, 1, 2]) | box("floor", [0, 0, -1], [1, 1, 0], True)
