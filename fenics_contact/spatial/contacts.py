@@ -70,11 +70,6 @@ class Contact:
         return polygon_area(self.in_plane)
 
 
-def contacts_of(blocks: Sequence[Block], tolerance: float | None = None) -> tuple[Contact, ...]:
-    """All contacts between blocks of which one moves at least, by numbers of blocks."""
-    return checked_contacts(blocks, tolerance)[0]
-
-
 def checked_contacts(
     blocks: Sequence[Block], tolerance: float | None = None
 ) -> tuple[tuple[Contact, ...], tuple[str, ...]]:

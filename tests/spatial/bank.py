@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.spatial import builders
-from fenics_contact.spatial.contacts import Contact, contacts_of
+from fenics_contact.spatial.contacts import Contact, checked_contacts
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
 
@@ -50,7 +50,7 @@ class Pushed:
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
         """Where they touch."""
-        return contacts_of(self.blocks)
+        return checked_contacts(self.blocks)[0]
 
     def structure(self, quick: bool = False) -> Structure:
         """Blocks with contacts, laws and loads."""

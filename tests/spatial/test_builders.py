@@ -7,7 +7,7 @@ import pytest
 
 from fenics_contact.errors import InputError
 from fenics_contact.spatial import builders
-from fenics_contact.spatial.contacts import contacts_of
+from fenics_contact.spatial.contacts import checked_contacts
 
 HOUSE = {"length": 4.8, "width": 3.2, "height": 2.4, "thickness": 0.2}
 WINDOWS = {"south": [[1.2, 2.0, 0.8, 1.6], [2.8, 3.6, 0.8, 1.6]], "east": [[1.2, 2.0, 0.0, 1.6]]}
@@ -77,7 +77,9 @@ def test_builders_make_structures(name):
     assert any(b.fixed and b.group == "ground" for b in blocks)
     if by_hand is not None:
         assert volume(blocks) == pytest.approx(by_hand, rel=1e-12)
-    touched = {k for contact in contacts_of(blocks) for k in (contact.first, contact.second)}
+    touched = {
+        k for contact in checked_contacts(blocks)[0] for k in (contact.first, contact.second)
+    }
     assert touched >= {k for k, block in enumerate(blocks) if not block.fixed}
 
 
@@ -86,7 +88,7 @@ def test_blocks_rest_on_what_is_below(name):
     """Without friction on vertical joints, every block of a wall has a bed: area that bears."""
     blocks, _ = MADE[name]
     bears = np.zeros(len(blocks))
-    for contact in contacts_of(blocks):
+    for contact in checked_contacts(blocks)[0]:
         upper, lower = (contact.second, contact.first)
         rise = contact.axes[0, 2]
         bears[upper if rise > 0.0 else lower] += contact.area * abs(rise)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from shapely.geometry import Polygon
 
 from fenics_contact.errors import InputError
-from fenics_contact.spatial.contacts import Contact, checked_contacts, clipped, contacts_of
+from fenics_contact.spatial.contacts import Contact, checked_contacts, clipped
 from fenics_contact.spatial.points import points_of, polygon_centroid
 from fenics_contact.spatial.polyhedra import HEXAHEDRON, Block, Polyhedron
 
@@ -152,7 +152,7 @@ def test_sides_that_are_a_little_warped_are_taken_as_plane():
 
 
 def test_contact_of_two_boxes():
-    (contact,) = contacts_of([GROUND, box([0, 0, 0], [2, 1, 1], "a")])
+    (contact,) = checked_contacts([GROUND, box([0, 0, 0], [2, 1, 1], "a")])[0]
     assert (contact.first, contact.second) == (0, 1)
     assert contact.axes[0] == pytest.approx([0, 0, 1])
     assert contact.axes @ contact.axes.T == pytest.approx(np.eye(3))
@@ -221,7 +221,7 @@ def test_a_side_turned_by_little_touches_within_the_tolerance():
     corners = CUBE.copy()
     corners[[1, 2], 2] += 2e-4
     blocks = [GROUND, Block((Polyhedron.hexahedron(corners),), "a")]
-    (contact,) = contacts_of(blocks)
+    (contact,) = checked_contacts(blocks)[0]
     assert contact.area == pytest.approx(1.0)
     corners[[1, 2], 2] += 1e-3
     contacts, (gap, _) = checked_contacts([GROUND, Block((Polyhedron.hexahedron(corners),), "a")])
@@ -267,7 +267,7 @@ def test_pieces_may_touch_and_not_overlap():
 def test_a_contact_for_every_pair_of_pieces():
     pieces = (Polyhedron.box([0, 0, 0], [1, 1, 1]), Polyhedron.box([1, 0, 0], [2, 1, 2]))
     blocks = [GROUND, Block(pieces, "L"), box([0, 0, 1], [1, 1, 2], "in its corner")]
-    contacts = contacts_of(blocks)
+    contacts = checked_contacts(blocks)[0]
     assert [(one.first, one.second) for one in contacts] == [(0, 1), (0, 1), (1, 2), (1, 2)]
     assert [one.area for one in contacts] == pytest.approx([1.0, 1.0, 1.0, 1.0])
 
@@ -308,7 +308,7 @@ def test_drums_of_unlike_sides_touch_in_their_common_part():
     blocks = [Block((prism(regular(64), 0, 1),), "a", fixed=True)]
     blocks.append(Block((prism(regular(3, (0.5, 0.5)), 1, 2),), "b"))
     blocks.append(Block((prism(regular(6), 2, 3),), "c"))
-    contacts = contacts_of(blocks)
+    contacts = checked_contacts(blocks)[0]
     assert [len(one.corners) for one in contacts] == [3, 3]
     assert [one.area for one in contacts] == pytest.approx([0.75 * 3.0**0.5 / 4.0] * 2)
 
@@ -342,7 +342,9 @@ def test_a_box_cut_by_planes_is_whole_again(seed):
     inner = 0.5 * (sum(body.areas.sum() for body in bodies) - 6.0)
     blocks = [Block((body,), str(k), fixed=k == 0) for k, body in enumerate(bodies)]
     for some in (blocks, [turned(block, TURN, [5e5, 4.6e6, 100.0]) for block in blocks]):
-        assert sum(contact.area for contact in contacts_of(some)) == pytest.approx(inner, rel=1e-3)
+        assert sum(contact.area for contact in checked_contacts(some)[0]) == pytest.approx(
+            inner, rel=1e-3
+        )
 
 
 def random_polygon(generator, count, scale=(1.0, 1.0)):

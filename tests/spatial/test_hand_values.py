@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.spatial.contacts import contacts_of
+from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
@@ -17,7 +17,7 @@ def block_on_ground(size, friction, live, quick=False):
     """A block under its own weight of 1, with a live load of forces and moments."""
     block = Block((Polyhedron.box(-0.5 * np.array([1.0, 1.0, 0.0]) * size, size * [0.5, 0.5, 1]),))
     blocks = (GROUND, block)
-    contacts = contacts_of(blocks)
+    contacts = checked_contacts(blocks)[0]
     laws = (ContactLaw(friction),) * len(contacts)
     dead = np.zeros((2, 6))
     dead[1, 2] = -1.0

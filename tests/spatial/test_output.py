@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from fenics_contact.scene.scene import JointLaw
 from fenics_contact.spatial import Load, Material, Scene, builders
-from fenics_contact.spatial.contacts import contacts_of
+from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.loads import Bar, Tie
 from fenics_contact.spatial.picture import draw_collapse, draw_view
@@ -39,7 +39,7 @@ def box(low, high, name="", group="default"):
 def structure_of(blocks, friction, direction):
     """Blocks under their weight, pushed by a part of it."""
     blocks = (GROUND, *blocks)
-    contacts = contacts_of(blocks)
+    contacts = checked_contacts(blocks)[0]
     weight = np.array([0.0 if block.fixed else block.volume for block in blocks])
     dead = np.outer(weight, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
     live = np.outer(weight, [*direction, 0.0, 0.0, 0.0])

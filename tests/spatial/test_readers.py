@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.spatial import Scene
-from fenics_contact.spatial.contacts import contacts_of
+from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import HEXAHEDRON, Block, Polyhedron
 from fenics_contact.spatial.readers import blocks_from_file
@@ -65,7 +65,7 @@ def arch(count=9):
 
 def factor_of(blocks, down=(0.0, 0.0, -1.0), along=(1.0, 0.0, 0.0)):
     """Load factor of weights 1 a volume pushed along a direction."""
-    contacts = contacts_of(blocks)
+    contacts = checked_contacts(blocks)[0]
     dead, live = np.zeros((2, len(blocks), 6))
     for k, block in enumerate(blocks):
         dead[k, :3] = block.volume * np.array(down)
@@ -337,7 +337,7 @@ def test_bent_sides_are_made_plane_alike_on_both_blocks(bend, tmp_path):
     for name, corners in (("low", low), ("high", high)):
         write_faces(tmp_path / f"{name}.obj", [corners[list(side)] for side in HEXAHEDRON])
     blocks = blocks_from_file(tmp_path)
-    (contact,) = contacts_of(blocks)
+    (contact,) = checked_contacts(blocks)[0]
     assert contact.area == pytest.approx(1.0, rel=1e-3)
     assert sum(block.volume for block in blocks) == pytest.approx(2.0, rel=1e-6)
 
