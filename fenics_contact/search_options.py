@@ -137,6 +137,17 @@ class SearchOptions:
     #: Part of the elastic state's gap by which the load factor may move.
     moves: float = 0.3
 
+    # ---- loading path by face forces (faces/follow)
+    #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
+    follow_works: float = 1e4
+    #: Products that are as good as nothing, in units of the typical force and displacement.
+    follow_products: float = 1e-7
+    #: Cosine of tangents from which on the path goes straight on: det A changes sign at branches.
+    follow_straight: float = 0.5
+    #: Longest step, in relative changes of p and q; what is left of one that leads to nothing.
+    follow_longest: float = 1.5
+    follow_shorter: float = 0.4
+
     # ---- lower states by face forces (answers/lowest)
     #: Gap of a state at most.
     lower_state_gap: float = 1.5e-4

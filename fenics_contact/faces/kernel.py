@@ -161,14 +161,14 @@ def solve(
     """
     tolerances = tolerances or Tolerances()
     with np.errstate(all="ignore"):  # what is not finite ends the steps
-        method = _Method(program, options)
+        method = Method(program, options)
         point = method.cold(mu) if start is None else method.inside(start, mu)
         best: Iterate | None = None
         least = np.inf
         best_step = 0
         short = 0
         for step in range(options.interior_steps + 1):
-            here = _Local(method, point)
+            here = Newton(method, point)
             iterate = here.iterate
             score = max(
                 iterate.gap / tolerances.gap,
@@ -193,7 +193,7 @@ def solve(
         return best or iterate
 
 
-class _Method:
+class Method:
     """Sizes of one program, and where to start."""
 
     def __init__(self, program: Program, options: SearchOptions) -> None:
@@ -290,18 +290,18 @@ class _Method:
         return replace(start, slacks=(*start.slacks, slack), duals=(*start.duals, dual))
 
 
-class _Local:
+class Newton:
     """A program at a point: slacks, residuals, Newton's matrix, and the step.
 
     Attributes:
         iterate: The point with its residuals.
     """
 
-    def __init__(self, method: _Method, point: Point) -> None:
+    def __init__(self, method: Method, point: Point, slacks: Arrays | None = None) -> None:
         model = method.model
         program = method.program
         self.method = method
-        self.slacks = (*method.slacks(point.force), point.slacks[-1])
+        self.slacks = slacks or (*method.slacks(point.force), point.slacks[-1])
         self.gradients = model.derivatives(point.force, program.dilatancy)  # G_s
         pairs = zip(self.slacks, point.duals, strict=True)
         products = sum(float(np.vdot(slack, dual)) for slack, dual in pairs)
@@ -349,11 +349,11 @@ class _Local:
         Raises:
             SolverError: If Newton's matrix cannot be factored.
         """
-        self._factor()
+        self.factor()
         iterate = self.iterate
         mu = iterate.mu
         curved = self.method.curved
-        predictor = self._direction([-one.products for one in self.scaled], 1.0)
+        predictor = self.direction([-one.products for one in self.scaled], 1.0)
         length = self._length(predictor, 1.0)
         moved = iterate.plus(predictor, length)
         pairs = zip(moved.slacks, moved.duals, strict=True)
@@ -362,7 +362,7 @@ class _Local:
         if iterate.missing > 1e-2 or iterate.missing_motion > 1e-2:
             centring = max(centring, 0.1)
         target = centring * mu
-        corrector = self._direction(self._second_order(predictor, target), 0.0)
+        corrector = self.direction(self._second_order(predictor, target), 0.0)
         step = predictor.plus(corrector)
         if not curved:
             step = self._pushed(self._weighted(predictor, corrector, length), target)
@@ -371,13 +371,13 @@ class _Local:
             equal = zip(self.method.cones, self.scaled, strict=True)
             goal = 0.7 * mu
             centred = [goal * cone.identity(one.products) - one.products for cone, one in equal]
-            again = self._direction(centred, 1.0)
+            again = self.direction(centred, 1.0)
             longer = self._length(again, 0.98)
             if longer > length:
                 return iterate.plus(again, longer), longer
         return iterate.plus(step, length), length
 
-    def _factor(self) -> None:
+    def factor(self) -> None:
         """Newton's matrix A = H^T M^-1 H, factored, and its border of lambda and the rows."""
         method = self.method
         model = method.model
@@ -437,8 +437,27 @@ class _Local:
             method.springs = Springs(left, left if method.symmetric else framed(self.right))
         return method.springs
 
-    def _direction(self, changes: Sequence[Array], residuals: float) -> Point:
-        """The direction that changes the products, and takes away a part of the residuals."""
+    def correction(self) -> Point:
+        """The step that takes away residuals, at the load factor and the products of the point."""
+        nothing = [np.zeros_like(slack) for slack in self.slacks[:-1]]
+        motion, force, shifts = self._held(nothing, 1.0)
+        return self._step(motion, 0.0, force, shifts)
+
+    def tangent(self) -> Point:
+        """The change of the point with its load factor."""
+        nothing = [np.zeros_like(slack) for slack in self.slacks[:-1]]
+        return self._step(self.border[:, 0], 1.0, self.changed[0], nothing)
+
+    def _step(self, motion: Array, load_factor: float, force: Array, shifts: list[Array]) -> Point:
+        """A change of the forces with those of slacks and multipliers; without rows."""
+        slacks = [_times(gradient, force) for gradient in self.right]
+        triples = zip(shifts, self.scaled[:-1], slacks, strict=True)
+        duals = [shift - one.stretch(ds) for shift, one, ds in triples]
+        none = np.zeros(0)
+        return Point(motion, load_factor, force, (*duals, none), (*slacks, none))
+
+    def _held(self, changes: Sequence[Array], residuals: float) -> tuple[Array, Array, list[Array]]:
+        """Motions and forces of a direction at a given load factor; shifts of the multipliers."""
         method = self.method
         model = method.model
         pairs = zip(self.scaled[:-1], changes, strict=False)
@@ -449,7 +468,13 @@ class _Local:
         right = residuals * self.equilibrium
         right = right + model.transposed @ _times(self.inverse, wanted).ravel()
         motion = self.solver(right)
-        force = _times(self.inverse, wanted - model.relative(motion))
+        return motion, _times(self.inverse, wanted - model.relative(motion)), shifts
+
+    def direction(self, changes: Sequence[Array], residuals: float) -> Point:
+        """The direction that changes the products, and takes away a part of the residuals."""
+        method = self.method
+        model = method.model
+        motion, force, shifts = self._held(changes, residuals)
         missing = np.empty(1 + len(method.rows))
         missing[0] = residuals * self.work - model.live @ motion
         normal = method.rows @ model.normal(force) + residuals * self.row_missing
@@ -501,7 +526,7 @@ class _Local:
             for cone, one, ds, dz in parts:  # (l + a W^-1 ds) o (l + a W dz)
                 after = one.products + tried * one.linear(ds, dz) + tried**2 * one.cross(ds, dz)
                 changes.append(cone.pushed(after, aim * decade, aim / decade))
-            more = step.plus(self._direction(changes, 0.0))
+            more = step.plus(self.direction(changes, 0.0))
             longer = self._straight(more)
             if longer < 1.02 * length:
                 break

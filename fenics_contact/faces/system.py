@@ -12,7 +12,6 @@ range over many powers of ten: elimination cancels digits that this sum keeps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from itertools import combinations
 from typing import Any
@@ -30,7 +29,44 @@ REFINED = 2
 #: SuperLU's ordering for symmetric patterns.
 ORDERING = "MMD_AT_PLUS_A"
 
-Solve = Callable[[Array], Array]
+
+class Factor:
+    """A factor of A."""
+
+    def __init__(self, factor: Any, matrix: Any, scale: Array, order: Any) -> None:
+        """Take SuperLU's factor of the scaled matrix, the matrix, scale, and order."""
+        self._factor = factor
+        self._matrix = matrix
+        self._scale = scale
+        self._order = order
+        self._back = np.argsort(order)
+
+    def __call__(self, right: Array) -> Array:
+        """Solve A x = b, refined; b of shape (motions,) or (motions, k)."""
+        scaled_right = (right[self._back].T * self._scale).T
+        x = self._factor.solve(scaled_right)
+        for _ in range(REFINED):
+            x += self._factor.solve(scaled_right - self._matrix @ x)
+        return np.asarray((x.T * self._scale).T[self._order])
+
+    @property
+    def sign(self) -> float:
+        """Of det A: -1.0 or 1.0."""
+        factor = self._factor
+        negative = int(np.count_nonzero(factor.U.diagonal() < 0.0))
+        if not np.array_equal(factor.perm_r, factor.perm_c):
+            negative += _transpositions(factor.perm_r) + _transpositions(factor.perm_c)
+        return -1.0 if negative % 2 else 1.0
+
+
+def _transpositions(permutation: Any) -> int:
+    """How many make a permutation: its length less its number of cycles."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(permutation)
+    links = csr_matrix((np.ones(count), (np.arange(count), permutation)), (count, count))
+    return count - int(connected_components(links, directed=False)[0])
 
 
 class Springs:
@@ -134,10 +170,9 @@ class Equations:
         self._rows = (keys % count).astype(np.int32)
         self._cols = (keys // count).astype(np.int32)
         self._start = np.searchsorted(self._cols, np.arange(count + 1)).astype(np.int32)
-        self._back = np.argsort(self._order)
 
-    def factored(self, inverse: Array, symmetric: bool) -> Solve:
-        """Solves A x = b, refined; b of shape (motions,) or (motions, k).
+    def factored(self, inverse: Array, symmetric: bool) -> Factor:
+        """The factor of A.
 
         Raises:
             SolverError: If A is singular or not finite.
@@ -166,11 +201,4 @@ class Equations:
         except RuntimeError as error:
             raise SolverError(f"face forces: {error}") from None
 
-        def solve(right: Array) -> Array:
-            scaled_right = (right[self._back].T * scale).T
-            x = factor.solve(scaled_right)
-            for _ in range(REFINED):
-                x += factor.solve(scaled_right - matrix @ x)
-            return np.asarray((x.T * scale).T[self._order])
-
-        return solve
+        return Factor(factor, matrix, scale, self._order)

@@ -1,0 +1,522 @@
+"""The loading path of rigid blocks on the springs of their faces, followed by its length.
+
+At fixed products mu of slacks and multipliers the elastic state with Coulomb's law is a smooth
+function of the load factor, or of the work beyond its folds:
+
+    s o z = mu e  for every unit,   H d + e + C x + w - G_s^T z = 0,   H^T x + f_D + lambda f_L = 0.
+
+Unknowns of a unit are p = n / f - y / d and q = t / f - w / d, f and d a typical force and
+displacement, y and w the multipliers of n >= 0 and of the bound on t. Forces and multipliers follow
+from them such that s o z = mu e holds whatever the step: no step ends at a boundary. Newton's
+matrix A is that of `kernel`; one factor gives the correction and the tangent. Corrections are at
+right angles to the tangent (E. Riks, Int. J. Solids Struct. 15 (1979) 529).
+
+The work is free: at folds of the load factor and of the work nothing more is needed. The load
+factor changes with the sign of det A. The path begins at rest, under the dead load, and ends at a
+work at which the elastic state is near a collapse. There the products fall to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.errors import SolverError
+from fenics_contact.faces.cones import TINY, Array
+from fenics_contact.faces.kernel import (
+    Arrays,
+    Iterate,
+    Method,
+    Newton,
+    Point,
+    Program,
+    elastic_response,
+)
+from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.system import Equations
+from fenics_contact.search_options import SEARCH
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point of the path, or a change of it.
+
+    Attributes:
+        units: (p, q) of units, shape (units, m).
+        motion: d, shape (motions,).
+        load_factor: lambda.
+    """
+
+    units: Array
+    motion: Array
+    load_factor: float
+
+    def plus(self, other: Place, weight: float = 1.0) -> Place:
+        """The sum with a multiple of another one."""
+        return Place(
+            self.units + weight * other.units,
+            self.motion + weight * other.motion,
+            self.load_factor + weight * other.load_factor,
+        )
+
+
+@dataclass(frozen=True)
+class UnitLaw:
+    """Coulomb's law of units at fixed products, as a function of p and q.
+
+    Attributes:
+        model: The units.
+        strength: c, positive, shape (units,).
+        force: f.
+        displacement: d.
+        mu: The products.
+    """
+
+    model: FaceModel
+    strength: Array
+    force: float
+    displacement: float
+    mu: float
+
+    @property
+    def small(self) -> float:
+        """Mu over f d."""
+        return self.mu / (self.force * self.displacement)
+
+    def state(self, units: Array) -> tuple[Array, Arrays, Arrays]:
+        """Forces, multipliers and slacks of units at (p, q)."""
+        model = self.model
+        count = model.pressing
+        e = self.small
+        slack, pressed = self._pressed(units[:, :count])
+        shear = units[:, count:]
+        size = np.linalg.norm(shear, axis=1)
+        bound = self.strength / self.force + model.friction * pressed.sum(axis=1)
+        left = _left(size - bound, bound, e)
+        along = shear / np.maximum(size, TINY)[:, None]
+        slid = (bound - left)[:, None] * along
+        force = self.force * np.hstack([pressed, slid])
+        far = 2.0 * bound - left
+        if model.shears == 1:
+            ahead = shear[:, 0] >= 0.0
+            both = np.where(ahead, left, far), np.where(ahead, far, left)
+            slacks: Arrays = (self.force * np.column_stack([slack, *both]),)
+            return force, (self.mu / slacks[0],), slacks
+        cone = np.column_stack([bound, slid])
+        dual = 2.0 * self.mu / (self.force * left * far)[:, None] * cone
+        dual[:, 1:] *= -1.0
+        return (
+            force,
+            (self.mu / (self.force * slack), dual),
+            (self.force * slack, self.force * cone),
+        )
+
+    def _pressed(self, p: Array) -> tuple[Array, Array]:
+        """Slacks and pressing forces over f at p.
+
+        n - e / s = p where pressure has no limit, s = n; else the minimum of the convex function
+
+            |n|^2 / 2 - p . n - e sum log s_i,   s_i = n_i - kappa N^2.
+        """
+        e = self.small
+        root = np.sqrt(p * p + 4.0 * e)
+        pressed = np.where(p > 0.0, 0.5 * (p + root), 2.0 * e / np.maximum(root - p, TINY))
+        slack = pressed.copy()
+        limited = self.model.kappa > 0.0
+        if np.any(limited):
+            kappa = self.force * self.model.kappa[limited]
+            slack[limited], pressed[limited] = _below_strength(p[limited], kappa, e)
+        return slack, pressed
+
+    def units(self, force: Array, duals: Arrays) -> Array:
+        """(p, q) of forces and multipliers; linear in both where pressure has no limit."""
+        count = self.model.pressing
+        if self.model.shears == 1:
+            slip = (duals[0][:, count + 1] - duals[0][:, count])[:, None]
+        else:
+            slip = duals[1][:, 1:]
+        opened = np.hstack([duals[0][:, :count], slip])
+        return force / self.force - opened / self.displacement
+
+    def _turned(self, normal: Array, opened: Array) -> Array:
+        """What the strength adds to p: 2 kappa N sum y / d, shape (units, 1)."""
+        return np.asarray(2.0 * self.model.kappa * normal * opened / self.displacement)[:, None]
+
+    def change(self, at: Point, step: Point) -> Array:
+        """Change of (p, q) with forces and multipliers, to first order."""
+        changed = self.units(step.force, step.duals)
+        if np.any(self.model.kappa):
+            normal, opened, dn, dy = (
+                values[:, : self.model.pressing].sum(axis=1)
+                for values in (at.force, at.duals[0], step.force, step.duals[0])
+            )
+            changed[:, : self.model.pressing] += self._turned(normal, dy) + self._turned(dn, opened)
+        return changed
+
+    def at(self, force: Array) -> Array:
+        """(p, q) of forces inside all bounds."""
+        slacks = self.model.slacks(force, self.strength, self.model.friction)
+        duals = [self.mu / slacks[0]]
+        if self.model.shears > 1:
+            cone = slacks[1]
+            left = cone[:, 0] ** 2 - np.sum(cone[:, 1:] ** 2, axis=1)
+            dual = 2.0 * self.mu / left[:, None] * cone
+            dual[:, 1:] *= -1.0
+            duals.append(dual)
+        units = self.units(force, tuple(duals))
+        count = self.model.pressing
+        opened = duals[0][:, :count].sum(axis=1)
+        units[:, :count] += self._turned(self.model.normal(force), opened)
+        return units
+
+
+def _below_strength(p: Array, kappa: Array, e: float) -> tuple[Array, Array]:
+    """Slacks and pressing forces of units with a compressive strength, see `UnitLaw._pressed`.
+
+    With u = kappa N^2 + 2 kappa N Y, Y = sum e / s_i, slacks have s_i - e / s_i = p_i - u, and
+
+        N = (u / kappa) / (Y + sqrt(Y^2 + u / kappa)),   sum s_i = N - 2 kappa N^2
+
+    is one equation for u: its left side is larger at 0, and less far away.
+    """
+
+    def at(u: Array) -> tuple[Array, Array, Array, Array]:
+        """Slacks, N, what is missing of the equation, and its derivative."""
+        v = p - u[:, None]
+        root = np.sqrt(v * v + 4.0 * e)
+        slack = np.where(v > 0.0, 0.5 * (v + root), 2.0 * e / np.maximum(root - v, TINY))
+        opened = (e / slack).sum(axis=1)
+        normal = (u / kappa) / (opened + np.sqrt(opened**2 + u / kappa))
+        rate = (1.0 / kappa - 2.0 * normal * (e / (slack * root)).sum(axis=1)) / (normal + opened)
+        missing = slack.sum(axis=1) - normal + 2.0 * kappa * normal**2
+        slope = (2.0 * kappa * normal - 0.5) * rate - (slack / root).sum(axis=1)
+        return slack, normal, missing, slope
+
+    low = np.zeros(len(p))
+    high = np.ones(len(p))
+    while np.any(more := at(high)[2] > 0.0):
+        high[more] *= 4.0
+    u = 0.5 * high
+    for _ in range(SEARCH.interior_steps):
+        slack, normal, missing, slope = at(u)
+        low = np.where(missing > 0.0, u, low)
+        high = np.where(missing > 0.0, high, u)
+        better = u - missing / slope
+        inside = (better > low) & (better < high)
+        # Between ends of different size the middle is a geometric one.
+        middle = np.maximum(np.sqrt(low * high), SEARCH.slight * high)
+        before, u = u, np.where(inside, better, middle)
+        if np.all(np.abs(u - before) <= 1e-15 * u):
+            break
+    return slack, slack + (kappa * normal**2)[:, None]
+
+
+def _left(beyond: Array, bound: Array, e: float) -> Array:
+    """Distance l of the shear force to its bound b, with e / l - l - e / (2 b - l) = |q| - b.
+
+    The left side is convex and falls; Newton's steps from below stay below.
+    """
+
+    def root(v: Array) -> Array:
+        size = np.sqrt(v * v + 4.0 * e)
+        return np.where(v > 0.0, 2.0 * e / np.maximum(v + size, TINY), 0.5 * (size - v))
+
+    left = np.minimum(root(beyond + e / bound), bound)
+    for _ in range(SEARCH.interior_steps):
+        far = 2.0 * bound - left
+        value = e / left - left - e / far - beyond
+        step = value / (e / left**2 + 1.0 + e / far**2)
+        step = np.clip(step, -0.5 * left, bound - left)
+        left = left + step
+        if np.all(np.abs(step) <= 1e-14 * left):
+            break
+    return left
+
+
+class LoadingPath:
+    """The path of one model at fixed products.
+
+    Attributes:
+        law: Of the units, with the products.
+        equations: Of the model; they count factorisations.
+        unit: Works are in units of it: that of a typical live load on closed faces.
+    """
+
+    def __init__(
+        self, model: FaceModel, way: Way, effort: int, check_stop: Callable[[], None]
+    ) -> None:
+        """Take a model, how to follow, factorisations at most; `check_stop` may raise `Stopped`.
+
+        Raises:
+            SolverError: If the faces do not hold the blocks.
+        """
+        self._model = model
+        self._way = way
+        self._effort = effort
+        self._check_stop = check_stop
+        self.equations = Equations(model)
+        self._response = elastic_response(model, self.equations)
+        pressed = self._response.dead_force[:, : model.pressing]
+        dead_work = float(np.sum(model.compliance * self._response.dead_force**2))
+        typical = max(
+            np.sqrt(dead_work / self._response.work), SEARCH.small_factor * model.force / model.load
+        )
+        self.unit = float(typical * self._response.work)
+        self._displacement = self.unit / float(np.abs(model.live).sum())
+        laws = model.strength, model.friction, model.dilatancy
+        program = Program(model, self.equations, *laws, self.unit, elastic=True)
+        self._method = Method(program, replace(SEARCH, regularization=0.0))
+        self.law = UnitLaw(
+            model,
+            self._method.strength,
+            float(pressed.max(initial=0.0)) or model.force,
+            SEARCH.follow_works * self._displacement,
+            0.0,
+        )
+        self._set_products(way.products)
+
+    def _set_products(self, products: float) -> None:
+        self.law = replace(self.law, mu=products * self.law.force * self._displacement)
+
+    @property
+    def _products(self) -> float:
+        return self.law.mu / (self.law.force * self._displacement)
+
+    def work(self, at: Place) -> float:
+        """W of a place."""
+        return float(self._model.live @ at.motion)
+
+    def iterate(self, at: Place) -> Iterate:
+        """A place in terms of the kernel."""
+        return self._system(at).iterate
+
+    def _system(self, at: Place) -> Newton:
+        force, duals, slacks = self.law.state(at.units)
+        none = np.zeros(0)
+        point = Point(at.motion, at.load_factor, force, (*duals, none), (*slacks, none))
+        return Newton(self._method, point, point.slacks)
+
+    def _newton(self, at: Place) -> tuple[Place, Place, float]:
+        """Newton's correction at a load factor, the tangent, and the sign of det A."""
+        self._check_stop()
+        if self.equations.factorizations > self._effort:
+            raise TooLong("the path is too long")
+        here = self._system(at)
+        here.factor()
+        step, tangent = (
+            Place(self.law.change(here.iterate, one), one.motion, one.load_factor)
+            for one in (here.correction(), here.tangent())
+        )
+        return step, tangent, here.solver.sign
+
+    def _sizes(self, units: Array) -> Array:
+        """Lengths of p and q, in which changes of them are told."""
+        count = self._model.pressing
+        least = max(3.0 * np.sqrt(self.law.small), self._way.least)
+        shear = np.linalg.norm(units[:, count:], axis=1)[:, None] + least
+        sizes = [np.abs(units[:, :count]) + least, *([shear] * self._model.shears)]
+        return np.hstack(sizes)
+
+    def _length(self, step: Array, units: Array) -> float:
+        """Largest relative change of p and q."""
+        return float(np.abs(step / self._sizes(units)).max())
+
+    def _corrected(self, at: Place, work: float | None, rounds: int, close: float = 1e-2) -> Place:
+        """Newton's method at a work, or at the load factor of the place (None)."""
+        for _ in range(rounds):
+            step, tangent, _ = self._newton(at)
+            if work is not None:
+                rise = (work - self.work(at.plus(step))) / self.work(tangent)
+                step = step.plus(tangent, rise)
+            length = self._length(step.units, at.units)
+            if not np.isfinite(length):
+                break
+            at = at.plus(step, min(1.0, SEARCH.path_change / length))
+            if length < close:
+                return at
+        raise SolverError("Newton's method does not settle")
+
+    def start(self) -> Place:
+        """The state at rest under the dead load, or beside the bonded response of some work."""
+        model = self._model
+        force = np.zeros(model.shape)
+        pressed = self._response.dead_force[:, : model.pressing]
+        least = SEARCH.small_factor * self.law.force
+        force[:, : model.pressing] = np.maximum(pressed, least)
+        if np.any(model.kappa):  # inside the strengths
+            most = (0.125 / np.where(model.kappa > 0.0, model.kappa, TINY))[:, None]
+            beyond = model.kappa * model.normal(force) > 0.25
+            force[:, : model.pressing] = np.where(beyond[:, None], most, force[:, : model.pressing])
+        units = self.law.at(force)
+        work = self._way.work
+        if work is None:
+            return self._corrected(Place(units, np.zeros_like(model.live), 0.0), None, 60)
+        motion = work * self.unit / self._response.work * self._response.live
+        return self._corrected(Place(units, motion, 0.0), work * self.unit, 100, 0.1)
+
+    def points(self, at: Place, works: float, length: float = 0.3) -> Iterator[Place]:
+        """Places of the path from one on, in order, until a work.
+
+        Raises:
+            SolverError: If the path is lost, or needs too many factorisations.
+        """
+        end = works * self.unit
+        turned = 1.0
+        before: Array | None = None
+        _, tangent, sign = self._newton(at)
+        while True:
+            yield at
+            weights = self._sizes(at.units) ** -2
+            ahead = turned * sign
+            if before is not None:
+                size = np.sqrt(np.sum(before**2 * weights) * np.sum(tangent.units**2 * weights))
+                cosine = float(np.sum(before * tangent.units * weights) / size)
+                if ahead * cosine < -SEARCH.follow_straight:  # det A changes sign at a branch point
+                    turned, ahead = -turned, -ahead
+            rate = ahead / self._length(tangent.units, at.units)
+            while True:
+                rise = rate * length
+                more = rise * self.work(tangent)
+                last = self.work(at) + more >= end and more > 0.0
+                try:
+                    if last:
+                        part = (end - self.work(at)) / more
+                        yield self._corrected(at.plus(tangent, part * rise), end, 12)
+                        return
+                    found = self._across(at.plus(tangent, rise), tangent.units * weights)
+                    if self._length(found[0].units - at.units, at.units) < 4.0 * length + 0.1:
+                        break
+                except TooLong:
+                    raise
+                except SolverError:
+                    pass
+                length *= SEARCH.follow_shorter
+                if length < SEARCH.verified:
+                    raise SolverError(f"the path is lost at load factor {at.load_factor:.6g}")
+            before = ahead * tangent.units
+            at, tangent, sign, rounds = found
+            length = min(SEARCH.follow_longest, length * (2.0, 2.0, 1.3, 0.8, 0.8, 0.8)[rounds])
+
+    def _across(self, at: Place, across: Array) -> tuple[Place, Place, float, int]:
+        """The place of the path in the plane across its tangent, its tangent, and corrections.
+
+        Raises:
+            SolverError: If Newton's method does not soon come there.
+        """
+        goal = float(np.sum(across * at.units))
+        last = np.inf
+        for rounds in range(SEARCH.no_progress):
+            step, tangent, sign = self._newton(at)
+            lacks = goal - float(np.sum(across * (at.units + step.units)))
+            step = step.plus(tangent, lacks / float(np.sum(across * tangent.units)))
+            length = self._length(step.units, at.units)
+            if not (length < max(2.0 * last, 0.5) and length < 5.0):
+                break
+            at = at.plus(step)
+            last = length
+            if length < self._way.close:
+                return at, tangent, sign, rounds
+        raise SolverError("the path is not near")
+
+    def settled(self, at: Place, least: float, work: float | None) -> Place:
+        """The state at a work, or at the load factor of the place (None), with small products.
+
+        The products fall as far as Newton's method follows.
+        """
+        usual = ratio = 0.2
+        while self._products > 1.01 * least and ratio < 0.9:
+            law = self.law
+            self._set_products(max(ratio * self._products, least))
+            try:
+                at = self._corrected(at, work, 25)
+                ratio = max(usual, ratio**1.5)
+            except TooLong:
+                self.law = law
+                break
+            except SolverError:
+                self.law = law
+                ratio **= 0.5
+        try:
+            return self._corrected(at, work, 12, SEARCH.rounding)
+        except SolverError:
+            return at
+
+
+class TooLong(SolverError):
+    """The path needs more factorisations than it may."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a path is begun and followed.
+
+    Attributes:
+        products: mu in units of f and the typical displacement.
+        work: The bonded response of so many units of work is the start; None: the dead load.
+        least: Length of p and q, over f, to which changes are relative at least.
+        close: Length of the last correction.
+    """
+
+    products: float
+    work: float | None = None
+    least: float = 3e-2
+    close: float = 3e-2
+
+
+#: Ways, the usual one first: it is coarse; then one that takes shorter steps. Other starts, and
+#: larger products, lead to an end where these lead to none.
+WAYS = (
+    Way(1e-3),
+    Way(1e-3, None, 3e-3, 1e-2),
+    Way(1e-3, 1.0),
+    Way(1e-2, 3.0),
+    Way(1e-2),
+)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A path that was followed to its end.
+
+    Attributes:
+        path: With the products of its end.
+        end: Near a collapse.
+        places: Of the path, in order.
+        factorizations: All that were needed.
+    """
+
+    path: LoadingPath
+    end: Place
+    places: list[Place]
+    factorizations: int
+
+
+def followed(
+    model: FaceModel, effort: int, check_stop: Callable[[], None] = lambda: None
+) -> Followed:
+    """The loading path of a model, to its end, in the first way that leads there.
+
+    Args:
+        model: Its live load is not zero.
+        effort: Factorisations of one way at most.
+        check_stop: May raise `Stopped`.
+
+    Raises:
+        SolverError: If no way leads to an end.
+    """
+    spent = 0
+    reasons = []
+    for way in WAYS:
+        path = LoadingPath(model, way, effort, check_stop)
+        try:
+            with np.errstate(all="ignore"):
+                places = list(path.points(path.start(), SEARCH.follow_works))
+                end = path.settled(places[-1], SEARCH.follow_products, path.work(places[-1]))
+        except SolverError as error:
+            reasons.append(str(error))
+        else:
+            return Followed(path, end, places, spent + path.equations.factorizations)
+        spent += path.equations.factorizations
+    raise SolverError("; ".join(dict.fromkeys(reasons)))
