@@ -87,6 +87,9 @@ class Certifier:
         mode = self.mode(elastic.force, start)
         if mode is None:
             return None, np.nan
+        exact = self.state(elastic, mode.motion)
+        if exact is not None and exact.gap < SEARCH.agrees:
+            return exact, mode.load_factor
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, box)
         return state or self.least_gap(None, mode.motion), mode.load_factor

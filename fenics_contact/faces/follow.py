@@ -245,7 +245,12 @@ class LoadingPath:
     """
 
     def __init__(
-        self, model: FaceModel, way: Way, effort: int, check_stop: Callable[[], None]
+        self,
+        model: FaceModel,
+        equations: Equations,
+        way: Way,
+        effort: int,
+        check_stop: Callable[[], None],
     ) -> None:
         """Take a model, how to follow, factorisations at most; `check_stop` may raise `Stopped`.
 
@@ -254,9 +259,9 @@ class LoadingPath:
         """
         self._model = model
         self._way = way
-        self._effort = effort
+        self._most = equations.factorizations + effort
         self._check_stop = check_stop
-        self.equations = Equations(model)
+        self.equations = equations
         self._response = elastic_response(model, self.equations)
         pressed = self._response.dead_force[:, : model.pressing]
         dead_work = float(np.sum(model.compliance * self._response.dead_force**2))
@@ -301,7 +306,7 @@ class LoadingPath:
     def _newton(self, at: Place) -> tuple[Place, Place, float]:
         """Newton's correction at a load factor, the tangent, and the sign of det A."""
         self._check_stop()
-        if self.equations.factorizations > self._effort:
+        if self.equations.factorizations > self._most:
             raise TooLong("the path is too long")
         here = self._system(at)
         here.factor()
@@ -484,32 +489,33 @@ class Followed:
         path: With the products of its end.
         end: Near a collapse.
         places: Of the path, in order.
-        factorizations: All that were needed.
     """
 
     path: LoadingPath
     end: Place
     places: list[Place]
-    factorizations: int
 
 
 def followed(
-    model: FaceModel, effort: int, check_stop: Callable[[], None] = lambda: None
+    model: FaceModel,
+    equations: Equations,
+    effort: int,
+    check_stop: Callable[[], None] = lambda: None,
 ) -> Followed:
-    """The loading path of a model, to its end, in the first way that leads there.
+    """The loading path of a model to its end, in the first way that leads there.
 
     Args:
         model: Its live load is not zero.
+        equations: Of the model.
         effort: Factorisations of one way at most.
         check_stop: May raise `Stopped`.
 
     Raises:
         SolverError: If no way leads to an end.
     """
-    spent = 0
     reasons = []
     for way in WAYS:
-        path = LoadingPath(model, way, effort, check_stop)
+        path = LoadingPath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
                 places = list(path.points(path.start(), SEARCH.follow_works))
@@ -517,6 +523,5 @@ def followed(
         except SolverError as error:
             reasons.append(str(error))
         else:
-            return Followed(path, end, places, spent + path.equations.factorizations)
-        spent += path.equations.factorizations
+            return Followed(path, end, places)
     raise SolverError("; ".join(dict.fromkeys(reasons)))
