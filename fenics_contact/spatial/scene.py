@@ -33,11 +33,13 @@ from fenics_contact.scene.rules import (
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
 from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
 from fenics_contact.scene.units import Units
-from fenics_contact.spatial.contacts import Contact, checked_contacts
+from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
+from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
     DIRECTION,
     GRAVITY,
     NEAR,
+    SAME_DIRECTION,
     Floor,
     Load,
     Masses,
@@ -58,8 +60,8 @@ SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
 }
 #: Name of the ground where none is given.
 GROUND = "ground"
-#: Its lower side, in parts of its upper one: pieces of ground touch what is above them alone.
-NARROWER = 0.9
+#: Which axes of a file become x, y and z, by the one that points upwards, with their signs.
+UPWARDS = {"x": ((2, 1, 0), (-1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ class Foundation(JointLaw):
     """Joint law on rigid ground, and where that is.
 
     Attributes:
-        z: Height of the ground, m; by default that of the lowest point of the blocks.
+        z: Height of the ground, m; by default below the lowest point of the blocks, along x or y
+            where the dead load acts along these.
         plane: Surface of the ground, in place of `z`.
     """
 
@@ -265,7 +268,7 @@ class Scene(Checked, _Shared):
         """
         size = float(np.median([b.volume for b in self.blocks if not b.fixed])) ** (1.0 / 3.0)
         near = max(NEAR * size, self.tolerance or 0.0)
-        blocks = (*self.blocks, *self._ground(DEPTH * size, near))
+        blocks = (*self.blocks, *self._ground(DEPTH * size))
         touching, warnings = checked_contacts(blocks, self.tolerance)
         acting = list(self._acting(touching, blocks))
         require(bool(acting), "blocks: no two of them touch, so that nothing holds them")
@@ -274,8 +277,8 @@ class Scene(Checked, _Shared):
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
         floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
         pushed = masses.with_(*(floors[n] for n, floor in self.floors.items() if floor.mass))
-        foot = min(blocks[k].extent[0][2] for k in moving)
-        factors = self.live.factors(pushed.position[:, 2] - foot, pushed.mass)
+        foot = min(lowest(blocks[k], self._up) for k in moving)
+        factors = self.live.factors(pushed.position @ self._up - foot, pushed.mass)
         dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
         dead += masses.loads(blocks, self.dead.acceleration)
         for floor in floors.values():
@@ -293,6 +296,7 @@ class Scene(Checked, _Shared):
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
             warnings,
+            tuple(text for text in warnings if isinstance(text, Doubt)),
         )
 
     def material(self, block: Block) -> Material:
@@ -307,23 +311,29 @@ class Scene(Checked, _Shared):
         require(bool(found), f"block '{block.name}' has no material; give {cure}")
         return found[0]
 
-    def _ground(self, depth: float, near: float) -> Iterator[Block]:
-        """Fixed blocks below the sides of the others that lie on rigid ground."""
+    @property
+    def _up(self) -> Array:
+        """Unit vector against the dead load where that acts along x or y; else z."""
+        weight = self.dead.acceleration
+        axis = int(np.argmax(np.abs(weight)))
+        along = abs(weight[axis]) > SAME_DIRECTION * np.linalg.norm(weight)
+        return -np.sign(weight[axis]) * np.eye(3)[axis] if axis < 2 and along else np.eye(3)[2]
+
+    def _ground(self, depth: float) -> Iterator[Block]:
+        """Fixed blocks below what lies on rigid ground, or nearly does."""
         given: Mapping[str, Any] = self.foundations
         if not given and not any(block.fixed for block in self.blocks):
             given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
-        lowest = min(block.extent[0][2] for block in self.blocks)
         moving = [block for block in self.blocks if not block.fixed]
         for name, law in given.items():
-            plane = law.plane or Plane((0.0, 0.0, lowest if law.z is None else law.z))
-            down = -np.array(plane.normal) / np.linalg.norm(plane.normal)
-            sides = Sides(normal=(down[0], down[1], down[2]), point=plane.point)
-            tops = [corners for _, corners in sides.of(moving, near)]
-            text = f"foundations.{name}: no block has a side on the ground; see its z or plane"
-            require(bool(tops), text)
-            lows = [t.mean(axis=0) * (1 - NARROWER) + t * NARROWER + depth * down for t in tops]
-            bodies = [Polyhedron.hull(np.vstack(pair)) for pair in zip(tops, lows, strict=True)]
-            yield Block(tuple(bodies), name, f"foundations.{name}", fixed=True)
+            up = self._up if law.z is None else np.eye(3)[2]
+            level = min(lowest(b, up) for b in self.blocks) if law.z is None else law.z
+            if law.plane is not None:
+                up = np.array(law.plane.normal) / np.linalg.norm(law.plane.normal)
+                level = float(up @ law.plane.point)
+            key = f"foundations.{name}"
+            bodies = ground_below(key, moving, (up, level), depth, self.tolerance)
+            yield Block(bodies, name, key, fixed=True)
 
     def _moved(self, blocks: Sequence[Block]) -> Array | None:
         """Motions of the ground, m and rad, shape (blocks, 6)."""
@@ -473,6 +483,14 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]
         InputError: If they are wrong.
     """
     require(bool(table), "blocks is missing; give file, builder, or [blocks.NAME]")
+    if isinstance(up := table.get("up"), str):
+        require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
+        order, signs = UPWARDS[up]
+        blocks = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
+        turned = [
+            [Polyhedron(p.corners[:, order] * signs, p.sides) for p in b.pieces] for b in blocks
+        ]
+        return tuple(replace(b, pieces=tuple(p)) for b, p in zip(blocks, turned, strict=True))
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
     shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}

@@ -74,6 +74,8 @@ class Structure:
             6).
         young: Young's modulus of joints, Pa.
         warnings: Of its geometry.
+        doubts: Those of the warnings that say what is not understood: while there are some, nothing
+            is proved to fall.
     """
 
     blocks: tuple[Block, ...]
@@ -86,6 +88,7 @@ class Structure:
     moved: Array | None = None
     young: float = 1.0
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @cached_property
     def size(self) -> float:
@@ -131,8 +134,11 @@ class Structure:
 
     @cached_property
     def crushes(self) -> Array:
-        """Which contacts have a compressive strength, shape (contacts,)."""
-        return np.isfinite([law.compressive_strength for law in self.laws])
+        """Which contacts have an area and a compressive strength, shape (contacts,)."""
+        pairs = zip(self.contacts, self.laws, strict=True)
+        return np.array(
+            [len(c.corners) > 2 and law.compressive_strength < np.inf for c, law in pairs]
+        )
 
     @cached_property
     def axes(self) -> Array:
@@ -220,7 +226,11 @@ class Structure:
     def face_model(self, sign: float = 1.0) -> FaceModel:
         """What the engine sees, with the live load or the reverse of it (sign -1)."""
         count = len(self.points.area)
-        area = np.maximum(self.points.area, 1e-6 * self.points.area.max())
+        area = self.points.area  # points of edges and corners are as stiff as the others
+        area = np.where(
+            area > 0.0, area, np.median(area[area > 0.0]) if area.any() else self.size**2
+        )
+        area = np.maximum(area, 1e-6 * area.max())
         compliance = np.outer(self.size / area, [1.0, 1.0 / SHEAR, 1.0 / SHEAR])
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])

@@ -88,7 +88,8 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
         pieces = _pieces_of(points, body, f"{source}: block '{name}'")
         for piece in pieces:
             require(not piece.problem, f"{source}: block '{name}': {piece.problem}")
-        blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed))
+        cut = len(pieces) > 1
+        blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed, cut))
     return blocks
 
 

@@ -20,6 +20,8 @@ from fenics_contact.spatial.view import SpatialView, views_of
 
 #: Types of cells in VTK files.
 POLYGON, POLYHEDRON = 7, 42
+#: Of contacts in corners and edges, by how many corners they have.
+VERTEX, LINE = 1, 3
 #: Files of the motion, after that at rest.
 STEPS = 10
 #: VTK's names of types.
@@ -88,11 +90,13 @@ def _contacts(view: SpatialView) -> Grid:
     corners = [contact.corners for contact in view.structure.contacts]
     normal = np.array([contact.axes[0] for contact in view.structure.contacts])
     at_cells = {**vars(view.contacts), "normal": normal, "blocks": view.bodies.pairs}
-    return _grid(POLYGON, np.vstack(corners), np.array(list(map(len, corners))), at_cells)
+    counts = np.array(list(map(len, corners)))
+    kinds = np.select([counts == 1, counts == 2], [VERTEX, LINE], POLYGON)
+    return _grid(kinds, np.vstack(corners), counts, at_cells)
 
 
-def _grid(kind: int, points: Array, counts: Any, at_cells: Mapping[str, Any]) -> Grid:
-    """Cells of one kind, of as many of the points each, in turn."""
+def _grid(kind: int | Array, points: Array, counts: Any, at_cells: Mapping[str, Any]) -> Grid:
+    """Cells of a kind, or of one each, of as many of the points each, in turn."""
     cells = {
         "connectivity": np.arange(len(points)),
         "offsets": np.cumsum(counts),

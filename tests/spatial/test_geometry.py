@@ -224,9 +224,12 @@ def test_a_side_turned_by_little_touches_within_the_tolerance():
     (contact,) = checked_contacts(blocks)[0]
     assert contact.area == pytest.approx(1.0)
     corners[[1, 2], 2] += 1e-3
-    contacts, (gap, _) = checked_contacts([GROUND, Block((Polyhedron.hexahedron(corners),), "a")])
-    assert contacts == ()
-    assert "'ground' and 'a' are 0.0012 m apart" in gap
+    blocks = [GROUND, Block((Polyhedron.hexahedron(corners),), "a")]
+    (edge,), (_, opens) = checked_contacts(blocks)
+    assert edge.corners[:, 0] == pytest.approx(0.0)
+    assert "'ground' and 'a' open to 0.0012 m: they touch in an edge" in opens
+    (contact,), _ = checked_contacts(blocks, tolerance=0.00121)
+    assert contact.area == pytest.approx(1.0)
 
 
 def test_overlaps_are_refused():
