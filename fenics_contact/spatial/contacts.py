@@ -20,6 +20,7 @@ from fenics_contact.spatial.edges import (
     FACING,
     INCLINED,
     KINDS,
+    Plane,
     alike,
     edge_contacts,
     inclined,
@@ -45,22 +46,15 @@ REFUSED = {
     "overlap": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart, or set"
     " tolerance = {above:.3g}",
 }
-#: Contacts in edges and corners, of which nothing is proved to fall where it is a doubt.
-DOUBTS = {
+TOLD = {
     "doubt": "blocks '{0}' and '{1}' touch in an edge or corner{more} where more than one plane"
     " parts them: how they press is not known, nothing that falls is proved",
-}
-TOLD_OF_EDGES = DOUBTS | {
     "edge": "blocks '{0}' and '{1}' touch in an edge or corner{more}: it carries, without cohesion,"
     " tensile strength or crushing",
-}
-TOLD = {
     "gap": "sides of blocks '{0}' and '{1}' are {by:.3g} m apart{more}: no force passes; if they"
     " touch, set tolerance = {above:.3g}",
     "off": "an edge or corner of blocks '{0}' and '{1}' is {by:.3g} m off the other one{more}: no"
     " force passes; if they touch, set tolerance = {above:.3g}",
-    "opens": "sides of blocks '{0}' and '{1}' open to {by:.3g} m{more}: they touch in an edge; if"
-    " they lie on each other, set tolerance = {above:.3g}",
     "inclined": "sides of blocks '{0}' and '{1}' are inclined by {by:.3g} degrees{more}: they touch"
     " in an edge; if they lie on each other, make them parallel",
     "sliver": "the contact of blocks '{0}' and '{1}' is {by:.3g} m wide{more}: it is left out",
@@ -103,14 +97,16 @@ class Contact:
 
     def covers(self, point: Array, near: float) -> bool:
         """Whether a point is nearer to it than `near`, m, across its plane and in it."""
-        place = (point - self.corners[0]) @ self.axes.T
-        flat = self.in_plane
-        if len(flat) < 3:
+        if len(self.corners) < 3:
             return bool(np.linalg.norm(self.corners - point, axis=1).min() <= near)
-        lines = (flat @ [1.0, 1.0j]).tolist()
-        at = complex(place[1], place[2])
-        within = all(_height(lines[k - 1], line, at) >= -near for k, line in enumerate(lines))
-        return within and abs(place[0]) <= near
+        off, *at = self.axes @ (point - self.corners[0])
+        lines = [complex(*corner) for corner in self.in_plane]
+        inside = (_height(lines[k - 1], end, complex(*at)) >= -near for k, end in enumerate(lines))
+        return abs(off) <= near and all(inside)
+
+    def within(self, others: Sequence[Contact], near: float) -> bool:
+        """Whether all of its corners are in others."""
+        return all(any(one.covers(point, near) for one in others) for point in self.corners)
 
 
 def checked_contacts(
@@ -138,7 +134,8 @@ def checked_contacts(
     found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
     for one, two in _near_pieces(pieces, thickness, tolerance).tolist():
         first, second = owner[one], owner[two]
-        if (fixed[first] and fixed[second]) or (first == second and blocks[first].cut):
+        apart = (fixed[first] and fixed[second]) or (first == second and blocks[first].cut)
+        if apart or pieces[two].under not in (None, pieces[one]):
             continue
         thinner = min(thickness[one], thickness[two])
         meetings = _meetings(pieces[one], pieces[two], thinner, tolerance)
@@ -151,11 +148,14 @@ def checked_contacts(
                 edges.append((kind, measure, Contact(first, second, axes, corners)))
             else:
                 found[kind].append((measure, first, second))
-    for kind, measure, contact in _bare(contacts, edges):
+    for kind, measure, contact in (bare := _bare(contacts, edges)):
         told = "doubt" if kind in ("doubt", "unclear") else "edge"
         found[told].append((measure, contact.first, contact.second))
         contacts += [contact] * (kind != "unclear")
-    contacts.sort(key=lambda contact: (contact.first, contact.second))
+    if bare:
+        contacts.sort(key=lambda contact: (contact.first, contact.second))
+    carry = {(contact.first, contact.second) for _, _, contact in bare}
+    found["inclined"] = [place for place in found["inclined"] if place[1:] in carry]
     for number, piece in zip(owner, pieces, strict=True):
         if piece.warp > APART * piece.thickness:
             found["warped"].append((piece.warp, number, number))
@@ -172,47 +172,40 @@ def _told(found: dict[str, list[tuple[float, int, int]]], names: Sequence[str]) 
     Raises:
         InputError: If it is wrong enough; all places are counted, and some are named.
     """
-    if "deep" in found:
+    if found["deep"]:
         found["deep"] += found.pop("overlap", [])
-    for kind, text in (REFUSED | TOLD_OF_EDGES | TOLD).items():
-        if kind not in found:
-            continue
-        places = sorted(found[kind], reverse=True)
-        measure, first, second = places[0]
-        more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
-        told = text.format(names[first], names[second], by=measure, above=1.01 * measure, more=more)
-        others = dict.fromkeys(f"'{names[a]}' and '{names[b]}'" for _, a, b in places)
-        named = list(others)[1 : 1 + NAMED]
-        if named and kind not in TOLD:
-            told += f"; likewise {', '.join(named)}{', ...' * (len(others) > 1 + NAMED)}"
-        require(kind not in REFUSED, told)
-        yield Doubt(told) if kind in DOUBTS else told
+    for kind, text in (REFUSED | TOLD).items():
+        if places := sorted(set(found[kind]), reverse=True):
+            by, *pair = places[0]
+            more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
+            told = text.format(*(names[k] for k in pair), by=by, above=1.01 * by, more=more)
+            others = dict.fromkeys(f"'{names[a]}' and '{names[b]}'" for _, a, b in places)
+            if len(others) > 1 and kind in {*REFUSED, "doubt", "edge"}:
+                told += f"; likewise {', '.join([*others][1 : 1 + NAMED])}"
+                told += ", ..." * (len(others) > 1 + NAMED)
+            require(kind not in REFUSED, told)
+            yield Doubt(told) if kind == "doubt" else told
 
 
 def _bare(
     faces: Sequence[Contact], edges: Sequence[tuple[str, float, Contact]]
 ) -> list[tuple[str, float, Contact]]:
-    """Contacts in edges and corners that are no part of others of the same blocks and normal.
+    """Contacts in edges and corners that are no part of polygons, or others, of the same blocks.
 
     Where several planes part two blocks, one counts if sides of one of them touch nothing at all
     there: stones around an edge hold each other by their sides.
     """
-    touched = defaultdict(list)
+    touched = defaultdict(list)  # contacts of a block, and of a pair
     for face in faces if edges else ():
-        touched[face.first].append(face)
-        touched[face.second].append(face)
-    bare: list[tuple[str, float, Contact]] = []
+        for key in (face.first, face.second, (face.first, face.second)):
+            touched[key].append(face)
+    bare = []
     for kind, near, edge in sorted(edges, key=lambda one: -len(one[2].corners)):
-
-        def hidden(by: Sequence[Contact], near: float = near, edge: Contact = edge) -> bool:
-            return all(any(one.covers(point, near) for one in by) for point in edge.corners)
-
         pair = edge.first, edge.second
-        every = [*touched[edge.first], *(other for _, _, other in bare)]
-        mine = [other for other in every if (other.first, other.second) == pair]
-        if hidden([other for other in mine if other.axes[0] @ edge.axes[0] > FACING]):
-            continue
-        if kind == "edge" or not all(hidden(touched[block]) for block in pair):
+        mine = [one for one in touched[pair] if one.area or one.axes[0] @ edge.axes[0] > FACING]
+        around = all(edge.within(touched[block], near) for block in pair)
+        if not (edge.within(mine, near) or (kind != "edge" and around)):
+            touched[pair].append(edge)
             bare.append((kind, near, edge))
     return bare
 
@@ -220,10 +213,7 @@ def _bare(
 def _near_pieces(
     pieces: Sequence[Polyhedron], thickness: Sequence[float], tolerance: float | None
 ) -> Indices:
-    """Sorted pairs of bodies whose boxes are as near as sides that are told of.
-
-    Ground that is below one body alone touches no other one.
-    """
+    """Sorted pairs of bodies whose boxes are as near as sides that are told of."""
     low = np.array([piece.corners.min(axis=0) for piece in pieces])
     high = np.array([piece.corners.max(axis=0) for piece in pieces])
     reach = np.maximum(NEARLY * np.array(thickness), tolerance or 0.0)
@@ -234,9 +224,6 @@ def _near_pieces(
     one, two = pairs.T
     apart = np.maximum(low[one] - high[two], low[two] - high[one]).max(axis=1)
     close = (one < two) & (apart <= np.minimum(reach[one], reach[two]))
-    number = {id(piece): k for k, piece in enumerate(pieces)}
-    above = np.array([number.get(id(piece.under), -1) for piece in pieces])
-    close &= ((above[one] < 0) | (above[one] == two)) & ((above[two] < 0) | (above[two] == one))
     return np.unique(pairs[close], axis=0)
 
 
@@ -264,6 +251,7 @@ def _meetings(
     if apart > nearly:
         return
     met = False
+    planes: list[Plane] = []
     if apart < -near:
         apart, planes = planes_of_edges(one, two, near)
         if apart < -near:
@@ -272,8 +260,6 @@ def _meetings(
             kind = "overlap" if -apart <= NEARLY * thinner else "deep"
             yield "same" if same else kind, -apart, np.empty(0), np.empty(0)
             return
-    else:
-        planes = planes_of_sides(one, two, max(apart, 0.0) - near)
     separates = (beyond_one >= -near)[:, None] | (beyond_two >= -near)
     facing = np.argwhere(separates & (one.normals @ two.normals.T < -FACING))
     for side, opposite in facing:
@@ -296,9 +282,11 @@ def _meetings(
                 met = True
                 yield "contact" if width > NARROW * thinner else "sliver", width, axes, corners
         elif distance.min() >= -near and distance.max() < min(0.5 * width, nearly):
-            kind = "opens" if distance.min() <= near else "gap"
-            yield kind, float(distance.max()), axes, corners
-    if met or (len(facing) and len(alike(planes, INCLINED)) > 1):  # or sides that end there
+            yield "gap", float(distance.max()), axes, corners
+    if met:
+        return
+    planes = planes or planes_of_sides(one, two, max(apart, 0.0) - near)
+    if len(facing) and len(alike(planes, INCLINED)) > 1:  # sides that end beside each other
         return
     for kind, plane, normal, corners in edge_contacts(planes, near, NARROW * thinner):
         along = (corners if len(corners) > 1 else plane.loop)[:2]
@@ -307,7 +295,7 @@ def _meetings(
             yield kind, near, axes, corners
         elif kind == "edge" and not len(facing):
             yield "off", apart, axes, corners
-        if not len(facing) and (angle := inclined(plane)):
+        if kind == "edge" and not len(facing) and (angle := inclined(plane)):
             yield "inclined", angle, axes, corners
 
 

@@ -71,15 +71,9 @@ def planes_of_edges(one: Polyhedron, two: Polyhedron, near: float) -> tuple[floa
 
 def alike(planes: Sequence[Plane], cosine: float) -> list[list[Plane]]:
     """Planes by their normals: those of a list are along its first one."""
-    groups: list[list[Plane]] = []
-    for plane in planes:
-        for group in groups:
-            if plane.normal @ group[0].normal > cosine:
-                group.append(plane)
-                break
-        else:
-            groups.append([plane])
-    return groups
+    normals = np.array([plane.normal for plane in planes])
+    first = np.argmax(normals @ normals.T > cosine, axis=1)
+    return [[planes[k] for k in np.flatnonzero(first == one)] for one in np.unique(first)]
 
 
 def touching(plane: Plane, near: float, narrow: float) -> Array:

@@ -14,6 +14,8 @@ from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 #: Ground below edges and corners is as wide as their body, seen from above, so many times.
 WIDER = 2.0
+#: Its lower side, in parts of its upper one: no side of it looks as one of the blocks does.
+NARROWER = 0.9
 
 
 def lowest(block: Block, up: Array) -> float:
@@ -47,32 +49,34 @@ def ground_below(
     up, level = plane
     bodies = []
     off = []
-    for block in blocks:
-        for piece in block.pieces:
-            thickness = block.thickness(piece)
-            near = (APART * thickness if tolerance is None else tolerance) + piece.warp
-            height = piece.corners @ up - level
-            least = float(height.min())
-            off.append((abs(least), abs(least) <= near, abs(least) < NEARLY * thickness, block))
-            slope = piece.normals @ up
-            loops = [list(side) for side in piece.sides]
-            flat = [np.abs(height[loop]).max() <= near for loop in loops]
-            below = depth
-            tops = [piece.corners[loops[k]] for k in np.flatnonzero((slope < -FACING) & flat)]
-            hovers = least < NEARLY * thickness and slope.min() < -INCLINED
-            if not tops and least >= -near and (least <= near or hovers):
-                rise = height - (least if least <= near else 0.0)
-                shadow = piece.corners - np.outer(rise, up)
-                middle = shadow.mean(axis=0)
-                tops = [middle + WIDER * (shadow - middle)]
-                below = max(depth, thickness)
-            for top in tops:
-                body = Polyhedron.hull(np.vstack([top, top - below * up]))
-                body.under = piece
-                bodies.append(body)
-    distance, _, small, block = min(off, key=lambda one: one[0])
-    cure = f", or set tolerance = {1.01 * distance:.3g}" * small
-    text = f"{key}: no block touches the ground; see its z or plane"
-    found = f"{text}; block '{block.name}' is {distance:.3g} m off it{cure}"
-    require(any(touches for _, touches, _, _ in off), found)
+    pieces = [
+        (piece, block.thickness(piece), block.name) for block in blocks for piece in block.pieces
+    ]
+    for piece, thickness, name in pieces:
+        near = (APART * thickness if tolerance is None else tolerance) + piece.warp
+        height = piece.corners @ up - level
+        least = float(height.min())
+        off.append((abs(least) - near, abs(least), thickness, name))
+        slope = piece.normals @ up
+        sides = [list(piece.sides[side]) for side in np.flatnonzero(slope < -FACING)]
+        tops = [piece.corners[side] for side in sides if np.abs(height[side]).max() <= near]
+        below = depth
+        hovers = least < NEARLY * thickness and slope.min() < -INCLINED
+        if not tops and least >= -near and (least <= near or hovers):
+            shadow = piece.corners - np.outer(height - least * (least <= near), up)
+            tops = [_scaled(shadow, WIDER)]
+            below = max(depth, thickness)
+        for top in tops:
+            bodies.append(Polyhedron.hull(np.vstack([top, _scaled(top, NARROWER) - below * up])))
+            bodies[-1].under = piece
+    beyond, distance, thickness, name = min(off)
+    cure = f", or set tolerance = {1.01 * distance:.3g}" * (distance < NEARLY * thickness)
+    text = f"{key}: no block touches the ground; see its z or plane; block '{name}' is"
+    require(beyond <= 0.0, f"{text} {distance:.3g} m off it{cure}")
     return tuple(bodies)
+
+
+def _scaled(points: Array, size: float) -> Array:
+    """Points, larger or smaller about their mean."""
+    middle = points.mean(axis=0)
+    return np.asarray(middle + size * (points - middle))

@@ -271,7 +271,8 @@ class Scene(Checked, _Shared):
         blocks = (*self.blocks, *self._ground(DEPTH * size))
         touching, warnings = checked_contacts(blocks, self.tolerance)
         acting = list(self._acting(touching, blocks))
-        require(bool(acting), "blocks: no two of them touch, so that nothing holds them")
+        text = "blocks: no two of them touch, so that nothing holds them"
+        require(bool(acting), "; ".join([text, *warnings]))
         contacts, laws = zip(*acting, strict=True)
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})

@@ -225,9 +225,10 @@ def test_a_side_turned_by_little_touches_within_the_tolerance():
     assert contact.area == pytest.approx(1.0)
     corners[[1, 2], 2] += 1e-3
     blocks = [GROUND, Block((Polyhedron.hexahedron(corners),), "a")]
-    (edge,), (_, opens) = checked_contacts(blocks)
+    (edge,), (told, gap) = checked_contacts(blocks)
     assert edge.corners[:, 0] == pytest.approx(0.0)
-    assert "'ground' and 'a' open to 0.0012 m: they touch in an edge" in opens
+    assert "'ground' and 'a' touch in an edge" in told
+    assert "'ground' and 'a' are 0.0012 m apart" in gap
     (contact,), _ = checked_contacts(blocks, tolerance=0.00121)
     assert contact.area == pytest.approx(1.0)
 
