@@ -16,17 +16,8 @@ import numpy as np
 from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected, near_pairs
-from fenics_contact.spatial.edges import (
-    FACING,
-    INCLINED,
-    KINDS,
-    Plane,
-    alike,
-    edge_contacts,
-    inclined,
-    planes_of_edges,
-    planes_of_sides,
-)
+from fenics_contact.spatial import edges
+from fenics_contact.spatial.edges import FACING
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 #: Sides this far apart touch, and blocks may overlap by it, in parts of the thinner's thickness.
@@ -109,6 +100,10 @@ class Contact:
         return all(any(one.covers(point, near) for one in others) for point in self.corners)
 
 
+#: Kind of a contact in an edge or corner, tolerance, m, and the contact.
+Narrow = tuple[str, float, Contact]
+
+
 def checked_contacts(
     blocks: Sequence[Block], tolerance: float | None = None
 ) -> tuple[tuple[Contact, ...], tuple[str, ...]]:
@@ -130,7 +125,7 @@ def checked_contacts(
     thickness = [block.thickness(piece) for block in blocks for piece in block.pieces]
     fixed = np.array([block.fixed for block in blocks])
     contacts = []
-    edges = []
+    narrow = []
     found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
     for one, two in _near_pieces(pieces, thickness, tolerance).tolist():
         first, second = owner[one], owner[two]
@@ -144,11 +139,11 @@ def checked_contacts(
                 kind = "pieces" if kind in ("same", "overlap", "deep") else "within"
             if kind == "contact":
                 contacts.append(Contact(first, second, axes, corners))
-            elif kind in KINDS:
-                edges.append((kind, measure, Contact(first, second, axes, corners)))
+            elif kind in edges.KINDS:
+                narrow.append((kind, measure, Contact(first, second, axes, corners)))
             else:
                 found[kind].append((measure, first, second))
-    for kind, measure, contact in (bare := _bare(contacts, edges)):
+    for kind, measure, contact in (bare := _bare(contacts, narrow)):
         told = "doubt" if kind in ("doubt", "unclear") else "edge"
         found[told].append((measure, contact.first, contact.second))
         contacts += [contact] * (kind != "unclear")
@@ -187,20 +182,18 @@ def _told(found: dict[str, list[tuple[float, int, int]]], names: Sequence[str]) 
             yield Doubt(told) if kind == "doubt" else told
 
 
-def _bare(
-    faces: Sequence[Contact], edges: Sequence[tuple[str, float, Contact]]
-) -> list[tuple[str, float, Contact]]:
+def _bare(faces: Sequence[Contact], narrow: Sequence[Narrow]) -> list[Narrow]:
     """Contacts in edges and corners that are no part of polygons, or others, of the same blocks.
 
     Where several planes part two blocks, one counts if sides of one of them touch nothing at all
     there: stones around an edge hold each other by their sides.
     """
     touched = defaultdict(list)  # contacts of a block, and of a pair
-    for face in faces if edges else ():
+    for face in faces if narrow else ():
         for key in (face.first, face.second, (face.first, face.second)):
             touched[key].append(face)
     bare = []
-    for kind, near, edge in sorted(edges, key=lambda one: -len(one[2].corners)):
+    for kind, near, edge in sorted(narrow, key=lambda one: -len(one[2].corners)):
         pair = edge.first, edge.second
         mine = [one for one in touched[pair] if one.area or one.axes[0] @ edge.axes[0] > FACING]
         around = all(edge.within(touched[block], near) for block in pair)
@@ -251,9 +244,9 @@ def _meetings(
     if apart > nearly:
         return
     met = False
-    planes: list[Plane] = []
+    planes: list[edges.Plane] = []
     if apart < -near:
-        apart, planes = planes_of_edges(one, two, near)
+        apart, planes = edges.planes_of_edges(one, two, near)
         if apart < -near:
             same = np.linalg.norm(one.centroid - two.centroid) < near
             same &= abs(one.volume - two.volume) < APART * one.volume
@@ -285,17 +278,19 @@ def _meetings(
             yield "gap", float(distance.max()), axes, corners
     if met:
         return
-    planes = planes or planes_of_sides(one, two, max(apart, 0.0) - near)
-    if len(facing) and len(alike(planes, INCLINED)) > 1:  # sides that end beside each other
+    planes = planes or edges.planes_of_sides(one, two, max(apart, 0.0) - near)
+    if (
+        len(facing) and len(edges.alike(planes, edges.INCLINED)) > 1
+    ):  # sides that end beside each other
         return
-    for kind, plane, normal, corners in edge_contacts(planes, near, NARROW * thinner):
+    for kind, plane, normal, corners in edges.edge_contacts(planes, near, NARROW * thinner):
         along = (corners if len(corners) > 1 else plane.loop)[:2]
         axes = frame(normal, along[1] - along[0])
         if apart <= near:
             yield kind, near, axes, corners
         elif kind == "edge" and not len(facing):
             yield "off", apart, axes, corners
-        if kind == "edge" and not len(facing) and (angle := inclined(plane)):
+        if kind == "edge" and not len(facing) and (angle := edges.inclined(plane)):
             yield "inclined", angle, axes, corners
 
 

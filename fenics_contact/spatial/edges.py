@@ -90,15 +90,12 @@ def touching(plane: Plane, near: float, narrow: float) -> Array:
     size = np.maximum(np.linalg.norm(across, axis=1), TINY)
     inside = np.einsum("lk,elk->le", across, ends[:, None] - plane.loop) / size[:, None]
     low, high = 0.0, 1.0
-    for start, end in inside:
-        if max(start, end) < -near:
-            return np.empty((0, 3))
-        if min(start, end) < -near:
-            part = min(max(start / (start - end), 0.0), 1.0)
-            low, high = (max(low, part), high) if start < end else (low, min(high, part))
+    for start, end in inside[inside.min(axis=1) < -near]:
+        part = min(max(start / (start - end or 1.0), 0.0), 1.0)
+        low, high = (max(low, part), high) if start < end else (low, min(high, part))
     along = ends[1] - ends[0]
     length = float(np.linalg.norm(along))
-    if (low - high) * length > near:
+    if (low - high) * length > near or inside.max(axis=1).min() < -near:
         return np.empty((0, 3))
     ends = ends[0] + np.outer([low, high], along)
     ends -= 0.5 * np.outer((ends - plane.loop[0]) @ plane.outwards, plane.outwards)

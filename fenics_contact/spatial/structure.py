@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.loads import Bar
 from fenics_contact.spatial.points import points_of
@@ -133,12 +133,10 @@ class Structure:
         return [contact.area for contact, law in pairs if law.key == key]
 
     @cached_property
-    def crushes(self) -> Array:
+    def crushes(self) -> Flags:
         """Which contacts have an area and a compressive strength, shape (contacts,)."""
-        pairs = zip(self.contacts, self.laws, strict=True)
-        return np.array(
-            [len(c.corners) > 2 and law.compressive_strength < np.inf for c, law in pairs]
-        )
+        plane = [len(contact.corners) > 2 for contact in self.contacts]
+        return np.asarray(np.isfinite([law.compressive_strength for law in self.laws]) & plane)
 
     @cached_property
     def axes(self) -> Array:
@@ -226,11 +224,9 @@ class Structure:
     def face_model(self, sign: float = 1.0) -> FaceModel:
         """What the engine sees, with the live load or the reverse of it (sign -1)."""
         count = len(self.points.area)
-        area = self.points.area  # points of edges and corners are as stiff as the others
-        area = np.where(
-            area > 0.0, area, np.median(area[area > 0.0]) if area.any() else self.size**2
-        )
-        area = np.maximum(area, 1e-6 * area.max())
+        area = self.points.area
+        middle = np.median(area[area > 0.0]) if area.any() else self.size**2  # edges are as stiff
+        area = np.where(area > 0.0, np.maximum(area, 1e-6 * area.max()), middle)
         compliance = np.outer(self.size / area, [1.0, 1.0 / SHEAR, 1.0 / SHEAR])
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])

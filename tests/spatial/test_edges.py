@@ -265,7 +265,7 @@ def slices(count):
             for x, y, z in product(range(2), repeat=3)
         },
         slices(8),
-        slices(40),
+        dict(list(slices(40).items())[:9]),
     ],
 )
 def test_stones_around_an_edge_touch_by_their_sides_alone(blocks):
@@ -286,9 +286,12 @@ def test_an_edge_beside_a_side_of_the_same_blocks_is_no_contact():
 
 def test_two_tips_that_touch_are_not_understood():
     def octahedron(z, **more):
-        return {"vertices": np.add(np.vstack([np.eye(3), -np.eye(3)]), [0, 0, z]).tolist(), **more}
+        return {
+            "vertices": np.add(np.vstack([np.eye(3), -np.eye(3)]) * [1, 1, 2], [0, 0, z]).tolist(),
+            **more,
+        }
 
-    blocks = {"a": octahedron(0, fixed=True), "b": octahedron(2)}
+    blocks = {"a": octahedron(0, fixed=True), "b": octahedron(4)}
     beside = {"c": box((5, 0, 0), (6, 1, 1)), "d": box((5, 0, -1), (6, 1, 0), fixed=True)}
     structure = scene({**blocks, **beside}, 0.6).structure()
     (doubt,) = structure.doubts
