@@ -154,7 +154,8 @@ def checked_contacts(
     for number, piece in zip(owner, pieces, strict=True):
         if piece.warp > APART * piece.thickness:
             found["warped"].append((piece.warp, number, number))
-    pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
+    met = [*contacts, *(contact for _, _, contact in bare)]
+    pairs = np.array([[contact.first, contact.second] for contact in met], dtype=np.int64)
     label = connected(pairs.reshape(-1, 2), len(blocks))
     for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
         found["loose" if number in pairs else "alone"].append((-number, number, number))
@@ -279,19 +280,18 @@ def _meetings(
     if met:
         return
     planes = planes or edges.planes_of_sides(one, two, max(apart, 0.0) - near)
-    if (
-        len(facing) and len(edges.alike(planes, edges.INCLINED)) > 1
-    ):  # sides that end beside each other
-        return
+    beside = len(facing) > 0 and len(edges.alike(planes, edges.INCLINED)) > 1
     for kind, plane, normal, corners in edges.edge_contacts(planes, near, NARROW * thinner):
         along = (corners if len(corners) > 1 else plane.loop)[:2]
         axes = frame(normal, along[1] - along[0])
         if apart <= near:
-            yield kind, near, axes, corners
+            yield "unclear" if beside else kind, near, axes, corners
         elif kind == "edge" and not len(facing):
             yield "off", apart, axes, corners
         if kind == "edge" and not len(facing) and (angle := edges.inclined(plane)):
             yield "inclined", angle, axes, corners
+        if beside:
+            return
 
 
 def frame(normal: Array, along: Array) -> Array:
