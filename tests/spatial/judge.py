@@ -44,7 +44,9 @@ ENDS = 1e-5
 #: What an upper end may be above the program's.
 LOOSE = 1e-3
 #: Rounds of given strengths by which a state of the dead load is looked for.
-ROUNDS = 40
+ROUNDS = 60
+#: Strengths are those of the state's own pressures, in parts of the largest.
+SETTLED = 1e-2
 CORNERS = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
 
 
@@ -636,19 +638,30 @@ class Judge:
         programs = Programs(self.case, self.case.own_points())
         offset = self._offset(programs)
         free = programs.friction - programs.dilatancy
+
+        def own(force: Array) -> Array:
+            pressed = np.maximum(force[: 3 * programs.count : 3], -programs.tensile)
+            return programs.cohesion + free * pressed
+
         force = programs.elastic(programs.cohesion, programs.friction, offset)
+        if force is None:
+            return False
+        given = own(force)
+        step = 1.0
         for _ in range(ROUNDS):
-            if force is None:
-                return False
-            own = programs.cohesion + free * np.maximum(force[: 3 * programs.count : 3], 0.0)
-            force = programs.elastic(own, programs.dilatancy, offset)
-            if force is None:
-                return False
-            pressed = np.maximum(force[: 3 * programs.count : 3], 0.0)
-            after = programs.cohesion + free * pressed
-            if np.abs(after - own).max() < 1e-6 * max(1.0, float(own.max())):
+            after = own(force)
+            if np.abs(after - given).max() < SETTLED * max(1.0, float(given.max())) and step < 1.0:
                 return True
-        return bool(np.abs(after - own).max() < 1e-2)
+            tried = given + step * (after - given)
+            found = programs.elastic(tried, programs.dilatancy, offset)
+            if found is None:
+                step *= 0.5
+            else:
+                given, force = tried, found
+                step = min(0.5, 2.0 * step)
+            if step < 1e-4:
+                break
+        return False
 
     def _offset(self, programs: Programs) -> Array:
         """Cost of forces where the ground moves: its work, in a unit that is as good as any."""
@@ -680,7 +693,7 @@ class Judge:
                 verdict.wrong.append("the dead load is not carried")
                 return verdict
             if not self.has_state():
-                verdict.doubts.append("no state of the dead load was found")
+                verdict.wrong.append("nothing presses what would carry the dead load")
             self._judge_end(found, verdict)
         else:
             verdict.none = found.reason or found.status
@@ -722,7 +735,7 @@ class Judge:
             return
         factor = self.sign * found.load_factor
         size = max(abs(factor), 1e-2 * self.factor)
-        upper = self.sign * found.upper
+        upper = self.sign * found.upper if math.isfinite(found.upper) else np.inf
         if factor < -max(self.asked, found.gap) * size:
             verdict.wrong.append("the load factor has the wrong sign")
         if factor > end + (ENDS + found.gap) * size:
@@ -755,8 +768,10 @@ class Judge:
         around = np.zeros(len(case.bodies) + 1)
         for end in (0, 1):
             np.add.at(around, programs.ends[:, end], works)
-        around[programs.moving] += np.abs(loads.reshape(-1, 6)[:, :3]).max(axis=1)
-        least = around[programs.ends].min(axis=1)[:count]  # of ground: what lies on it
+        each = np.abs(self.dead) + np.abs(found.load_factor / self.factor * self.live)
+        around[programs.moving] += each.reshape(-1, 6)[:, :3].max(axis=1)
+        around[[k for k, body in enumerate(case.bodies) if body.fixed]] = np.inf
+        least = around[programs.ends[:count]].min(axis=1)
         for name, miss in {
             "equilibrium": missing / around[programs.moving],
             "pressure": (-self.normal - programs.tensile) / least,
@@ -776,7 +791,8 @@ class Judge:
         slip = np.linalg.norm(relative[:count, 1:], axis=1)
         opening = relative[:count, 0] - programs.dilatancy * slip
         own = programs.cohesion
-        own = own + (programs.friction - programs.dilatancy) * np.maximum(self.normal, 0.0)
+        pressed = np.maximum(self.normal, -programs.tensile)
+        own = own + (programs.friction - programs.dilatancy) * pressed
         power = own @ slip + programs.tensile @ np.maximum(opening, 0.0)
         power += programs.yields @ np.maximum(relative[count:, 0], 0.0)
         power -= float(np.vdot(self.case.dead, motion[:-1])) / programs.unit

@@ -241,11 +241,11 @@ def stairs(r: Random) -> Blocks:
         start, end = (k * tread, (k + 1) * tread + over)
         if k:
             found[f"below{k}"] = box((start + over + 0.01, -0.3, 0.0), (end - over - 0.01, held, k * rise), fixed=True)
-        if r.random() < 0.7:
+        if r.random() < 0.9:
             top = (k + 1) * rise
-            found[f"above{k}"] = box((start, -0.3, top), (end - over - 0.02, held, top + 0.1), fixed=True)
-            if k < count - 1:
-                found.pop(f"above{k}")
+            fixed = bool(r.random() < 0.5)
+            low, high = (start, -0.3 * fixed, top), (start + tread, held, top + 1.0 - 0.9 * fixed)
+            found[f"above{k}"] = box(low, high, fixed=fixed)
     return found
 
 
