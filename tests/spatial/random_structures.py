@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ def bond(r: Random, length: float, height: float, gap: float = 0.0) -> Any:
         inner = np.sort(r.uniform(0.15, 0.85, count - 1)) * length
         ends = np.array([0.0, *inner, length])
         low, high = height * course / courses, height * (course + 1) / courses
-        for k, (start, end) in enumerate(zip(ends, ends[1:], strict=False)):
+        for k, (start, end) in enumerate(pairwise(ends)):
             opening = gap and 0 < course < courses - 1 and 0 < k < count - 1
             if end - start > 0.08 * length and not opening:
                 yield f"{course}_{k}", (start, end, low, high)
@@ -132,9 +132,11 @@ def arch(r: Random) -> Blocks:
     for strip in range(strips):
         shift = 0.5 * (angles[1] - angles[0]) * (strip % 2)
         inside = [angles[0], *(angles[1:-1] + shift), angles[-1]]
-        for k, (a, b) in enumerate(zip(inside, inside[1:], strict=False)):
-            rim = [(q * math.cos(t), q * math.sin(t)) for q, t in
-                   ((inner, a), (outer, a), (outer, b), (inner, b))]
+        for k, (a, b) in enumerate(pairwise(inside)):
+            rim = [
+                (q * math.cos(t), q * math.sin(t))
+                for q, t in ((inner, a), (outer, a), (outer, b), (inner, b))
+            ]
             ends = (strip * width, (strip + 1) * width)
             found[f"v{strip}_{k}"] = prism(rim, ends, fixed=k in (0, len(inside) - 2))
     return found
@@ -161,7 +163,9 @@ def cut(points: Array, normal: Array, level: float) -> Array | None:
     """Corners of the part of a convex body below a plane."""
     hull = ConvexHull(points)
     height = points @ normal - level
-    edges = {tuple(sorted((s[a], s[b]))) for s in hull.simplices for a, b in ((0, 1), (1, 2), (0, 2))}
+    edges = {
+        tuple(sorted((s[a], s[b]))) for s in hull.simplices for a, b in ((0, 1), (1, 2), (0, 2))
+    }
     kept = [points[k] for k in hull.vertices if height[k] <= 1e-9]
     for a, b in edges:
         if min(height[a], height[b]) < -1e-9 and max(height[a], height[b]) > 1e-9:
@@ -240,7 +244,9 @@ def stairs(r: Random) -> Blocks:
         found[f"step{k}"] = box(low, ((k + 1) * tread + over, width, (k + 1) * rise))
         start, end = (k * tread, (k + 1) * tread + over)
         if k:
-            found[f"below{k}"] = box((start + over + 0.01, -0.3, 0.0), (end - over - 0.01, held, k * rise), fixed=True)
+            found[f"below{k}"] = box(
+                (start + over + 0.01, -0.3, 0.0), (end - over - 0.01, held, k * rise), fixed=True
+            )
         if r.random() < 0.9:
             top = (k + 1) * rise
             fixed = bool(r.random() < 0.5)
@@ -256,7 +262,10 @@ def cards(r: Random) -> Blocks:
         lean = math.radians(r.uniform(45.0, 75.0))
         long, thick, wide = r.uniform(1.0, 2.0), r.uniform(0.05, 0.15), r.uniform(0.3, 0.8)
         c, s = math.cos(lean), math.sin(lean)
-        rim = [(c * a - s * b, s * a + c * b) for a, b in ((0, 0), (long, 0), (long, thick), (0, thick))]
+        rim = [
+            (c * a - s * b, s * a + c * b)
+            for a, b in ((0, 0), (long, 0), (long, thick), (0, thick))
+        ]
         right = max(a for a, _ in rim)
         low = min(b for _, b in rim)
         y = 1.5 * k
@@ -271,7 +280,7 @@ def knives(r: Random) -> Blocks:
     """Beams on knife edges; plates on keels across ridges."""
     found = {"ground": slab((-1.0, 3.0), (-1.0, 3.0))}
     high = r.uniform(0.3, 0.5)
-    ridges = np.sort(r.uniform(0.1, 0.9, 2) + [0.0, 1.0])
+    ridges = np.sort(np.array([0.0, 1.0]) + r.uniform(0.1, 0.9, 2))
     for k, x in enumerate(ridges):
         found[f"ridge{k}"] = prism([(x - 0.15, 0.0), (x + 0.15, 0.0), (x, high)], (-0.2, 2.2))
     if r.random() < 0.5:
@@ -300,10 +309,12 @@ def groove(r: Random) -> Blocks:
         rim = [(0.0, 0.0), (side * s * long, c * long), (side * s * long, -deep), (0.0, -deep)]
         found[name] = prism(rim, (-0.2, ends[-1] + 0.2), fixed=True)
     top = c * 0.5
-    for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False)):
+    for k, (a, b) in enumerate(pairwise(ends)):
         found[f"prism{k}"] = prism([(0.0, 0.0), (s * 0.5, top), (-s * 0.5, top)], (a, b))
         if r.random() < 0.6:
-            found[f"top{k}"] = box((-0.2, a + 0.02, top), (0.2, b - 0.02, top + r.uniform(0.1, 0.5)))
+            found[f"top{k}"] = box(
+                (-0.2, a + 0.02, top), (0.2, b - 0.02, top + r.uniform(0.1, 0.5))
+            )
     return found
 
 
@@ -312,7 +323,7 @@ def logs(r: Random) -> Blocks:
     found = {"ground": slab((0.0, 2.0), (0.0, 2.0))}
     high = r.uniform(0.15, 0.3)
     for n in range(int(r.integers(2, 6))):
-        for k, place in enumerate(np.sort(r.uniform(0.0, 0.7, 2) + [0.1, 1.0])):
+        for k, place in enumerate(np.sort(np.array([0.1, 1.0]) + r.uniform(0.0, 0.7, 2))):
             wide = r.uniform(0.12, 0.2)
             low, end = r.uniform(0.0, 0.1), r.uniform(1.9, 2.0)
             a, b = (place, low, n * high), (place + wide, end, (n + 1) * high)
@@ -324,7 +335,12 @@ def logs(r: Random) -> Blocks:
 def wedges(r: Random) -> Blocks:
     """Wedges between stones on ground, with walls at the ends or without."""
     found = {"ground": slab((0.0, 3.0), (0.0, 0.5))}
-    slope, high, x, lean = r.choice([-1.0, 1.0]) * r.uniform(0.03, 0.25), r.uniform(0.4, 0.8), 0.0, 0.0
+    slope, high, x, lean = (
+        r.choice([-1.0, 1.0]) * r.uniform(0.03, 0.25),
+        r.uniform(0.4, 0.8),
+        0.0,
+        0.0,
+    )
     for k in range(int(r.integers(3, 6))):
         wide = r.uniform(0.5, 0.8)
         after = slope if k % 2 == 0 else -slope
@@ -349,21 +365,49 @@ def frame(r: Random) -> Blocks:
     for storey in range(int(r.integers(1, 3))):
         high = r.uniform(0.8, 1.6)
         for k in range(count):
-            found[f"pier{storey}_{k}"] = box((1.2 * k, 0.0, low), (1.2 * k + 0.4, 0.5, low + high), group="piers")
+            found[f"pier{storey}_{k}"] = box(
+                (1.2 * k, 0.0, low), (1.2 * k + 0.4, 0.5, low + high), group="piers"
+            )
         for k in range(count - 1):
             start = 0.0 if k == 0 else 1.2 * k + 0.2
             end = 1.2 * (k + 1) + (0.2 if k < count - 2 else 0.4)
-            found[f"lintel{storey}_{k}"] = box((start, 0.0, low + high), (end, 0.5, low + high + 0.3))
+            found[f"lintel{storey}_{k}"] = box(
+                (start, 0.0, low + high), (end, 0.5, low + high + 0.3)
+            )
         low += high + 0.3
     return found
 
 
 KINDS: dict[str, Callable[[Random], Blocks]] = {
     kind.__name__: kind
-    for kind in (wall, corner, leaning, stack, arch, dome, rubble, rocks, stairs, cards, knives,
-                 groove, logs, wedges, frame)
+    for kind in (
+        wall,
+        corner,
+        leaning,
+        stack,
+        arch,
+        dome,
+        rubble,
+        rocks,
+        stairs,
+        cards,
+        knives,
+        groove,
+        logs,
+        wedges,
+        frame,
+    )
 }
-DIRECTIONS = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (1, 1, 0), (1, -2, 0.5), (0, 0, -1), (0, 0, 1)]
+DIRECTIONS = [
+    (1, 0, 0),
+    (-1, 0, 0),
+    (0, 1, 0),
+    (0, -1, 0),
+    (1, 1, 0),
+    (1, -2, 0.5),
+    (0, 0, -1),
+    (0, 0, 1),
+]
 WEIGHTS = [0.16, 0.1, 0.2, 0.1, 0.16, 0.16, 0.06, 0.06]
 
 
@@ -377,7 +421,10 @@ def structure(seed: int) -> dict[str, Any]:
     joints: dict[str, Any] = {"default": {"friction": friction}}
     groups = {table.get("group", "default") for table in blocks.values()}
     for group in sorted(groups - {"default"}):
-        joints[group] = {"between": ["default", group], "friction": round(friction * r.uniform(0.5, 1.2), 3)}
+        joints[group] = {
+            "between": ["default", group],
+            "friction": round(friction * r.uniform(0.5, 1.2), 3),
+        }
     tables: dict[str, Any] = {
         "dimension": 3,
         "title": kind,
@@ -426,14 +473,16 @@ def _more(r: Random, tables: dict[str, Any], moving: list[str]) -> None:
     if r.random() < 0.2:
         joints["default"]["cohesion"] = float(r.choice([500.0, 3000.0, 2e4]))
         if r.random() < 0.4:
-            joints["default"]["tensile_strength"] = 0.3 * joints["default"]["cohesion"] / joints["default"]["friction"]
+            joints["default"]["tensile_strength"] = (
+                0.3 * joints["default"]["cohesion"] / joints["default"]["friction"]
+            )
     if r.random() < 0.2 and len(moving) > 1:
         first, second = (str(name) for name in r.choice(moving, 2, replace=False))
         tie: dict[str, Any] = {"from": _within(tables["blocks"][first], r)}
         tie["yield"] = float(r.choice([500.0, 5000.0, 1e5]))
         tie["to"] = _within(tables["blocks"][second], r)
         if r.random() < 0.5:
-            tie["ground"] = [float(v) for v in np.array(tie.pop("to")) + [-2.0, 0.5, 1.0]]
+            tie["ground"] = [float(v) for v in np.array([-2.0, 0.5, 1.0]) + tie.pop("to")]
         tables["ties"] = {"tie": tie}
     boxes = [tables["blocks"][name] for name in moving if "box" in tables["blocks"][name]]
     if r.random() < 0.2 and boxes:
