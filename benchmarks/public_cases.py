@@ -2,15 +2,17 @@
 
     python3 benchmarks/public_cases.py          # the rows of docs/verification.md: seconds
 
-Known values are by hand, or by a linear program of the arch's joints (HiGHS). Shapes are drawn here
-from the numbers of the examples; nothing is read from their files.
+compas_cra, docs/examples/00_simple_cube.py, 04_stacks.py, tests/test_rbe.py; compas_dem, docs/
+examples/dem_stack.py; compas_assembly, docs/examples/arch; Itasca's 3DEC, verification problems
+Sliding_Wedge and Falling_Wedge. Known values are by hand, or by a linear program of the joints of
+the arch (HiGHS). Shapes are drawn here from the numbers of the examples; no file of them is read.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
@@ -29,10 +31,10 @@ from fenics_contact import limit_load as planar_limit_load
 from fenics_contact.meshing import polygons
 from fenics_contact.spatial import Scene, limit_load, standing
 
-CRA = "compas_cra, docs/examples"
-DEM = "compas_dem, docs/examples/dem_stack.py"
-ARCH = "compas_assembly, docs/examples/arch"
-ITASCA = "Itasca, 3DEC, verification problems"
+CRA = "compas_cra"
+DEM = "compas_dem, dem_stack"
+ARCH = "compas_assembly"
+ITASCA = "3DEC"
 #: Coefficient of friction of compas_cra's examples.
 CRA_FRICTION = 0.84
 UP, ACROSS, ALONG = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -64,10 +66,10 @@ def stands(blocks: Blocks, friction: float) -> bool:
 
 
 def least(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Where it begins to hold, to 1e-5 of the interval; nan if not within."""
+    """Where it begins to hold, to 1e-4 of the interval; nan if not within."""
     if holds(low) or not holds(high):
         return math.nan
-    for _ in range(17):
+    for _ in range(12):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return 0.5 * (low + high)
@@ -321,11 +323,8 @@ def ladder_by_hand() -> float:
     arm = rim.mean(axis=0)[0] - foot[0]
     reach, height = head - foot
 
-    def holds(friction: float) -> bool:
-        pressed = friction / (1.0 + friction**2)
-        return bool(pressed * (height + friction * reach) >= arm)
-
-    return least(holds, 0.0, 1.0)
+    rest = reach - arm  # rest F^2 + height F = arm
+    return float((math.sqrt(height**2 + 4.0 * arm * rest) - height) / (2.0 * rest))
 
 
 def knife_edges() -> Blocks:
@@ -351,76 +350,76 @@ def figures() -> dict[str, Callable[[], Figure]]:
     tangent = math.tan(math.radians(40.0))
     return {
         "cube on a cube": lambda: Figure(
-            f"cube on a cube, friction {CRA_FRICTION} ({CRA}/00)",
+            f"cube on a cube, friction {CRA_FRICTION} ({CRA} 00)",
             CRA_FRICTION,
             factor(cubes(2), CRA_FRICTION),
             1e-6,
         ),
         "shifted cube": lambda: Figure(
-            "cube on a cube: shift at which it falls (compas_cra, tests/test_rbe.py: 0.75)",
+            "shift at which it falls (tests/test_rbe.py: 0.75)",
             0.5,
-            least(lambda shift: not stands(shifted_cube(shift), CRA_FRICTION), 0.1, 0.75),
+            least(lambda shift: not stands(shifted_cube(shift), CRA_FRICTION), 0.4, 0.55),
             1e-4,
         ),
         "stack of cubes": lambda: Figure(
-            f"two cubes on a cube ({CRA}/04)", 0.5, factor(cubes(3), CRA_FRICTION), 1e-6
+            f"two cubes on it ({CRA} 04)", 0.5, factor(cubes(3), CRA_FRICTION), 1e-6
         ),
         "turned stack": lambda: Figure(
-            f"ten cubes, shifted and turned ({DEM})",
+            f"ten cubes, shifted, turned ({DEM})",
             turned_stack_by_hand(),
             factor({f"c{k}": body(c, k == 0) for k, c in enumerate(turned_stack())}, CRA_FRICTION),
             1e-5,
         ),
         "arch": lambda: Figure(
-            f"arch of 40, rise 5, span 10, thickness 0.7 m ({ARCH})",
+            f"semicircle of 40, 5 m, thickness 0.7 m ({ARCH})",
             arch_by_program(CRA_FRICTION),
             factor(arch(), CRA_FRICTION),
             1e-3,
         ),
         "arch in the plane": lambda: Figure(
-            "the same arch in the plane", arch_by_program(CRA_FRICTION), planar_arch(), 1e-3
+            "the same in the plane", arch_by_program(CRA_FRICTION), planar_arch(), 1e-3
         ),
         "tower": lambda: Figure(
-            "four cubes over an edge: overhang (P.B. Johnson, Am. J. Phys. 23 (1955) 240)",
+            "overhang of four cubes (P.B. Johnson, Am. J. Phys. 23 (1955) 240)",
             25.0 / 24.0,
             25.0 / 24.0 * least(lambda part: not stands(tower_of_lire(part), 0.6), 0.9, 1.05),
             1e-4,
         ),
         "sliding wedge, pushed": lambda: Figure(
-            f"sliding wedge, 40 degrees, pushed down its line ({ITASCA}; Hoek and Bray)",
+            f"sliding wedge, 40 degrees, pushed down ({ITASCA}; Hoek and Bray)",
             tangent * wedge_reactions() + LINE[2],
             factor(sliding_wedge(), tangent, LINE.tolist()),
             2e-3,
         ),
         "groove across": lambda: Figure(
-            "cube in a groove of 90 degrees, friction 0.3, pushed across: tan(45 + phi)",
+            "cube across a groove of 90 degrees, friction 0.3: tan(45 + phi)",
             1.3 / 0.7,
             factor(groove(), 0.3),
             1e-6,
         ),
         "groove along": lambda: Figure(
-            "the same along the groove: F / sin(45)",
+            "along it: F / sin(45)",
             0.3 * math.sqrt(2.0),
             factor(groove(), 0.3, ALONG),
             1e-4,
         ),
         "groove in the plane": lambda: Figure(
-            "the same across, in the plane", 1.3 / 0.7, planar_groove(), 1e-6
+            "across, in the plane", 1.3 / 0.7, planar_groove(), 1e-6
         ),
         "ladder": lambda: Figure(
-            "plank of 2 x 0.1 m leaning on a wall at 60 degrees: least friction",
+            "plank leaning at 60 degrees: least friction",
             ladder_by_hand(),
-            least(lambda friction: stands(ladder(), friction), 0.1, 0.6),
+            least(lambda friction: stands(ladder(), friction), 0.2, 0.4),
             1e-4,
         ),
         "knife edges": lambda: Figure(
-            "beam on two knife edges, friction 0.4, pushed along it",
+            "beam on knife edges, friction 0.4",
             0.4,
             factor(knife_edges(), 0.4),
             1e-6,
         ),
         "three points": lambda: Figure(
-            "cube on three tips, friction 0.9, tips over two: way / height",
+            "cube on three tips: way / height",
             0.3 / 0.5,
             factor(three_points(), 0.9),
             1e-6,
@@ -428,11 +427,13 @@ def figures() -> dict[str, Callable[[], Figure]]:
     }
 
 
-def main() -> None:
-    """Print the rows."""
+def rows() -> Iterator[str]:
+    """Rows of the page: problem, known, found."""
     for make in figures().values():
-        print(make().row(), flush=True)
+        figure = make()
+        missed = "" if figure.passed else " **missed**"
+        yield f"| {figure.name} | {figure.known:.6g} | {figure.found:.6g}{missed} |"
 
 
 if __name__ == "__main__":
-    main()
+    print(*rows(), sep="\n")
