@@ -18,6 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +224,7 @@ class Judge:
         laws = programs.cohesion, programs.friction
         self.falls = not programs.most(none, self.dead, *laws, cap=1.0) > 1.0 - 1e-6
 
+    @cached_property
     def has_state(self) -> bool:
         """Whether a state of the dead load is found in which each friction is of its own pressure.
 
@@ -285,7 +287,7 @@ class Judge:
             if self.falls:
                 verdict.wrong.append("the dead load is not carried")
                 return verdict
-            if not self.has_state():
+            if not self.has_state:
                 verdict.wrong.append("nothing presses what would carry the dead load")
             self._judge_end(found, verdict)
         else:
@@ -294,7 +296,20 @@ class Judge:
                 verdict.doubts.append("the dead load is not carried")
             else:
                 end = self._associative()
-                verdict.doubts.append(f"stands {self.has_state()}, nothing above {end:.6g}")
+                verdict.doubts.append(f"stands {self.has_state}, nothing above {end:.6g}")
+        return verdict
+
+    def judged_standing(self, found: Any) -> Verdict:
+        """What is wrong with the state under the dead load alone."""
+        verdict = Verdict(f"({found.status})", found.load_factor, list(self.unlike))
+        if found.status in ("unstable", "no_equilibrium"):
+            self._judge_fall(found, verdict)
+        elif found.status != "equilibrium":
+            verdict.none = found.reason
+        elif self.falls or not self.has_state:
+            verdict.wrong.append("it does not stand")
+        elif self.alike:
+            verdict.wrong += self._forces(found)
         return verdict
 
     def _associative(self) -> float:
@@ -306,7 +321,7 @@ class Judge:
     def _judge_fall(self, found: Any, verdict: Verdict) -> None:
         """It falls, and the others stand where those that fall are held."""
         if not self.falls:
-            if self.has_state():
+            if self.has_state:
                 verdict.wrong.append("it stands under its dead load")
             else:
                 verdict.doubts.append("carried by forces that nothing presses")
@@ -409,16 +424,19 @@ class Judge:
 def judge(tables: Mapping[str, Any]) -> tuple[dict[str, Verdict], float]:
     """Solve a scene and judge its directions; and the seconds that the solve took."""
     from fenics_contact.errors import InputError
-    from fenics_contact.spatial import Scene, limit_load
+    from fenics_contact.spatial import Scene, limit_load, standing
 
     start = time.perf_counter()
     try:
-        result = limit_load(Scene.from_tables(tables, Path(".")))
+        scene = Scene.from_tables(tables, Path("."))
+        result = limit_load(scene)
+        state = standing(scene).ends["positive"]
     except InputError as error:
         return {"": Verdict("refused", np.nan, none=str(error))}, time.perf_counter() - start
     seconds = time.perf_counter() - start
     judging = Judge(tables, result)
-    return {name: judging.judged(found) for name, found in result.ends.items()}, seconds
+    found = {name: judging.judged(end) for name, end in result.ends.items()}
+    return found | {"stands": judging.judged_standing(state)}, seconds
 
 
 def main() -> None:
@@ -445,7 +463,8 @@ def main() -> None:
             told = "; ".join(filter(None, [*one.wrong, one.none, *(f"({d})" for d in one.doubts)]))
             head = f"{seed:4d} {tables['title']:8s} {name[:3]:3s} {one.status:14s}"
             row = f"{head} {one.load_factor:12.6g} {one.word:5s} {seconds:5.1f} {spent:4.1f} {told}"
-            print(row, flush=True)
+            if name != "stands" or one.word != "right":
+                print(row, flush=True)
     print(", ".join(f"{count} {word}" for word, count in sorted(words.items())))
 
 

@@ -42,7 +42,7 @@ def column():
     return tables, limit_load(Scene.from_tables(tables, Path(".")))
 
 
-@pytest.mark.parametrize("seed", [6, 11, 12, 13, 14, 17, 18, 26, 33, 45, 62, 77])
+@pytest.mark.parametrize("seed", [6, 11, 12, 13, 14, 15, 18, 33, 59, 62, 74, 78])
 def test_random_structures_are_judged_right(seed):
     found, _ = judge(structure(seed))
     assert {name: (one.wrong, one.none) for name, one in found.items()} == dict.fromkeys(
@@ -113,7 +113,7 @@ def test_forces_that_nothing_presses_are_no_state():
     tables = scene(blocks, 0.6)
     judging = Judge(tables, limit_load(Scene.from_tables(tables, Path("."))))
     assert not judging.falls
-    assert not judging.has_state()
+    assert not judging.has_state
 
 
 @pytest.mark.parametrize(
