@@ -74,6 +74,8 @@ class Structure:
             6).
         young: Young's modulus of joints, Pa.
         warnings: Of its geometry.
+        doubts: What of its geometry is not understood, in words: while there are any, no motion
+            proves that something falls.
     """
 
     blocks: tuple[Block, ...]
@@ -86,6 +88,7 @@ class Structure:
     moved: Array | None = None
     young: float = 1.0
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @cached_property
     def size(self) -> float:
