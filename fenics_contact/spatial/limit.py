@@ -162,11 +162,14 @@ def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) 
     """A limit with what nothing exceeds, or the blocks that can wedge; none if it exceeds that."""
     end = associative_end(model)
     if end is None:
-        return replace(found, falling=wedged_blocks(structure, model))
+        return replace(found, falling=wedged_blocks(structure, model, stressed=True))
     found = replace(found, upper=found.sign * end)
     above = (found.sign * found.load_factor - end) / found.size
-    if above <= found.gap + SEARCH.agrees:
+    if above <= 0.0:
         return found
+    if above <= found.gap + SEARCH.agrees:
+        lower = replace(found, load_factor=found.upper)
+        return replace(lower, residuals=residuals_of(structure, lower))
     reason = f"the state found, with load factor {found.load_factor:.6g}, is above"
     reason = f"{reason} {found.upper:.6g}, which nothing exceeds"
     return replace(found, status="not_converged", reason=reason)
@@ -216,8 +219,9 @@ def _searched(
             state = crushed_state(structure, model, state.force, asked, check_stop)
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
-        if found.status != "limit" and wedged():
-            found = _unlimited(structure, wedged(), sign)
+        if found.status != "limit":
+            if wedges := wedged() or wedged_blocks(structure, model, stressed=True):
+                found = _unlimited(structure, wedges, sign)
     except (Stopped, SolverError) as end:
         stopped = str(end) * isinstance(end, Stopped)
         if search.best is not None and not crushes:

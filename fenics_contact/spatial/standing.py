@@ -52,7 +52,7 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
         with suppress(SolverError):
             part, force, motion = _uncrushed(structure, model, load_factor)
             if part < 1.0 - SEARCH.verified:
-                return _fallen(structure, nothing, _numbers(structure, motion), " and crush")
+                return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
             return _held_against(structure, found, force)
     return found
 
@@ -138,10 +138,16 @@ def _proof(model: FaceModel, load_factor: float) -> Array | None:
     return None if held else motion
 
 
-def wedged_blocks(structure: Structure, model: FaceModel) -> tuple[int, ...]:
-    """Numbers of blocks that wedge where contacts carry the live load alone, of any size."""
+def wedged_blocks(
+    structure: Structure, model: FaceModel, stressed: bool = False
+) -> tuple[int, ...]:
+    """Numbers of blocks that wedge where contacts carry the live load alone, of any size.
+
+    They do so from rest, or where they are `stressed` with any forces inside the cones.
+    """
     crushes = np.append(structure.crushes[structure.points.contact], np.zeros(len(structure.bars)))
-    state = state_alone(replace(model, kappa=model.kappa + crushes))
+    dilatancy = model.friction if stressed else model.dilatancy
+    state = state_alone(replace(model, kappa=model.kappa + crushes, dilatancy=dilatancy))
     if state is None:
         return ()
     left = crushes[: len(structure.points.area)] == 0.0
