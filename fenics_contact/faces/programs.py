@@ -164,20 +164,18 @@ def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
     count = int(brake[-1]) + 1
     width = model.shape[1]
     entries = np.ones(len(loads)), (brake * width + model.pressing + along, component)
-    friction = np.append(model.friction, np.ones(count))
+    brakes = csr_matrix(entries, (count * width, len(loads)))
     braked = replace(
         model,
-        motion=vstack([model.motion, csr_matrix(entries, (count * width, len(loads)))]).tocsr(),
+        motion=vstack([model.motion, brakes]).tocsr(),
         dead=loads,
         live=np.zeros_like(loads),
-        strength=np.append(model.strength, np.zeros(count)),
-        friction=friction,
-        dilatancy=friction,
         compliance=np.vstack([model.compliance, *[np.median(model.compliance, axis=0)] * count]),
         kappa=np.append(model.kappa, np.zeros(count)),
-        offset=None,
     )
-    found = solve(Program(braked, Equations(braked), braked.strength, friction, friction))
+    friction = np.append(model.friction, np.ones(count))
+    strength = np.append(model.strength, np.zeros(count))
+    found = solve(Program(braked, Equations(braked), strength, friction, friction))
     near = found.within(SEARCH.small_factor) and float(loads @ found.motion) > 0.0
     return found.motion if near else None
 

@@ -53,8 +53,6 @@ NEAR = 1e-4
 EFFORT = 350
 #: Signs of the live load.
 SIGNS = {"positive": 1.0, "negative": -1.0}
-#: Statuses of a dead load that does not stand, as far as is known.
-FALLEN = "unstable", "no_equilibrium"
 UNLIMITED = "nothing limits the live load"
 
 
@@ -90,10 +88,6 @@ def limit_load(
     check_stop = _check(scene, stop)
     asked = scene.solve.direction
     here, *others = SIGNS if asked == "both" else (asked,)
-    rest = state_of(structure)
-    if rest.status in FALLEN:
-        ends = {name: replace(rest, sign=SIGNS[name], given=None) for name in (here, *others)}
-        return LimitLoad(scene, structure, ends, {"total": time.perf_counter() - start})
     tasks = {}
     if beside is not None and workers_of(beside):
         tasks = {name: beside.submit(solved_beside, structure, scene, name) for name in others}
@@ -141,7 +135,7 @@ def _solved(
     options = scene.solve
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
-    found = _searched(structure, sign, options.gap, check_stop)
+    found = collapse_of(structure, sign, options.gap, check_stop)
     if found.status != "limit":
         return found
     model = structure.face_model(sign)
@@ -170,8 +164,7 @@ def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) 
     if above <= found.gap + SEARCH.agrees:
         lower = replace(found, load_factor=found.upper)
         return replace(lower, residuals=residuals_of(structure, lower))
-    reason = f"the state found, with load factor {found.load_factor:.6g}, is above"
-    reason = f"{reason} {found.upper:.6g}, which nothing exceeds"
+    reason = f"the best state, {found.load_factor:.6g}, is above {found.upper:.6g}, a proved end"
     return replace(found, status="not_converged", reason=reason)
 
 
@@ -190,15 +183,8 @@ def collapse_of(
         check_stop: May raise `Stopped` between solves: what is known by then is the result.
     """
     rest = state_of(structure)
-    if rest.status in FALLEN:
-        return replace(rest, sign=sign, given=None)
-    return _searched(structure, sign, asked, check_stop)
-
-
-def _searched(
-    structure: Structure, sign: float, asked: float, check_stop: Callable[[], None]
-) -> SpatialCollapse:
-    """The collapse of what stands under its dead load; as `collapse_of`."""
+    if rest.status in ("unstable", "no_equilibrium"):
+        return replace(rest, sign=sign)
     model = structure.face_model(sign)
     search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
     crushes = bool(np.any(structure.crushes))
@@ -209,26 +195,31 @@ def _searched(
         return none and bool(wedged())
 
     stopped = ""
+    wedges: tuple[int, ...] = ()
     found = SpatialCollapse(sign=sign, reason="the search found no state")
     try:
-        if _alike(structure, sign) and wedged():
-            return _unlimited(structure, wedged(), sign)
-        state: FaceState | CrushedState | None = search.run(unlimited)
+        state: FaceState | CrushedState | None = None
+        if not (_alike(structure, sign) and wedged()):
+            state = search.run(unlimited)
         if state is not None and crushes and not unlimited():
             found = replace(found, reason="no state was found that does not crush")
             state = crushed_state(structure, model, state.force, asked, check_stop)
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
         if found.status != "limit":
-            if wedges := wedged() or wedged_blocks(structure, model, stressed=True):
-                found = _unlimited(structure, wedges, sign)
+            wedges = wedged() or wedged_blocks(structure, model, stressed=True)
     except (Stopped, SolverError) as end:
         stopped = str(end) * isinstance(end, Stopped)
         if search.best is not None and not crushes:
             found = as_collapse(structure, model, search.best, sign, asked)
         if found.status != "limit":
-            text = f"{end}; {found.reason}" if search.best is not None and not crushes else f"{end}"
-            found = replace(found, reason=text)
+            found = replace(found, reason=f"{end}; {found.reason}")
+    if wedges:
+        limit = sign * np.inf
+        why = f"{UNLIMITED}: {named(structure, wedges, 'wedge')}"
+        found = SpatialCollapse(
+            "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedges
+        )
     return replace(
         found,
         attempts=tuple(search.attempts),
@@ -243,13 +234,6 @@ def _alike(structure: Structure, sign: float) -> bool:
     multiple = float(dead @ live) / float(live @ live)
     apart = np.linalg.norm(dead - multiple * live)
     return multiple >= 0.0 and bool(apart <= SEARCH.nothing * np.linalg.norm(dead))
-
-
-def _unlimited(structure: Structure, wedged: tuple[int, ...], sign: float) -> SpatialCollapse:
-    """That nothing limits the live load."""
-    limit = sign * np.inf
-    why = f"{UNLIMITED}: {named(structure, wedged, 'wedge')}"
-    return SpatialCollapse("unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedged)
 
 
 def as_collapse(
@@ -275,13 +259,12 @@ def as_collapse(
     )
     residuals = residuals_of(structure, found)
     found = replace(found, residuals=residuals, gap=max(found.gap, residuals["limit"]))
-    best = f"the best state, with load factor {found.load_factor:.6g},"
-    if text := missed(found.residuals, asked):
-        return replace(found, status="not_converged", reason=f"{best} misses {text}")
-    if state.load_factor < -asked * model.size(0.0):
-        reason = f"{best} is one of the reversed live load: the dead load alone stands"
-        return replace(found, status="not_converged", reason=reason)
-    return found
+    text = missed(found.residuals, asked)
+    text = f"misses {text}" if text else ""
+    if not text and state.load_factor < -asked * model.size(0.0):
+        text = "is one of the reversed live load"
+    reason = f"the best state, with load factor {found.load_factor:.6g}, {text}"
+    return replace(found, status="not_converged", reason=reason) if text else found
 
 
 def _with_lowest(

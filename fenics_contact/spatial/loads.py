@@ -263,7 +263,7 @@ class Floor(Checked):
         places = [[*polygon_centroid(part), self.z] for _, part in parts]
         return Masses(
             np.array([number for number, _ in parts]), np.array(places), mass
-        ), sides_told(area)
+        ), sides_told(area.tolist())
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ class Acting:
     block: Indices
     place: Array
     force: Array
-    on: str = ""
+    on: str
 
 
 @dataclass(frozen=True)
@@ -350,14 +350,12 @@ def total(key: str, blocks: Sequence[Block], acting: Mapping[str, Acting]) -> Ar
         arm = one.place - centroid[one.block]
         np.add.at(loads[:, 3:], one.block, np.cross(arm, one.force))
         np.add.at(given, one.block, np.linalg.norm(one.force, axis=1))
-    size = np.cbrt([block.volume for block in blocks])[:, None]
-    left = np.abs(loads / np.hstack([np.ones((len(blocks), 3)), size.repeat(3, axis=1)])).max(
-        axis=1
-    )
+    size = np.cbrt([block.volume for block in blocks])
+    left = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / size
     pushed = np.array([not block.fixed for block in blocks]) & (given > 0.0)
     if np.any(pushed) and np.all(left[pushed] <= SEARCH.nothing * given[pushed]):
         parts = "; ".join(f"{name} on {one.on}" for name, one in acting.items() if one.on)
-        raise InputError(f"{key}: what is given cancels on every block{f': {parts}' * bool(parts)}")
+        raise InputError(f"{key}: what is given cancels on every block: {parts or 'its profile'}")
     return loads
 
 

@@ -44,7 +44,7 @@ class SpatialCollapse:
         reason: Why there is no limit.
         falling: Numbers of blocks that fall, where there is none; or that can wedge, so that no
             load is excluded.
-        given: Load factor of the state that was asked for, where it was no limit.
+        given: Load factor of the state that was asked for; None for that of a limit.
         residuals: By how much each condition is missed, see `certificate`.
         searched: What was searched for, in words; empty for what the load leads to.
         seismic: Spectral acceleration at which it starts; None where that was not asked for.
@@ -204,9 +204,8 @@ class SpatialLimit(ByDirection[SpatialCollapse]):
 
 def _without_limit(name: str, collapse: SpatialCollapse, words: Wording) -> str:
     """What is known where no limit load was found, in a sentence."""
-    given = collapse.given
-    if given is not None or collapse.status in ("unstable", "no_equilibrium"):
-        at = f"at {words.at(given)}" if given else DEAD
+    if collapse.given is not None:
+        at = f"at {words.at(collapse.given)}" if collapse.given else DEAD
         proved = collapse.status != "no_equilibrium"
         told = state_in_words(collapse.status, at, collapse.reason, proved)
         return f"{told}: {collapse.reason}" if not proved and collapse.reason != NOT_KNOWN else told

@@ -281,7 +281,7 @@ class Scene(Checked, _Shared):
         down = np.array([0.0, 0.0, -GRAVITY])
         dead |= {f"floors.{n}": mass.acting(down, on=on) for n, (mass, on) in floors.items()}
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
-        acting = {**dead, **live}
+        given = {**dead, **live}
         dead["loads.dead.body"] = masses.acting(self.dead.acceleration)
         live["loads.live.body"] = pushed.acting(self.live.acceleration, factors)
         return Structure(
@@ -295,7 +295,7 @@ class Scene(Checked, _Shared):
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
             warnings,
-            acting=acting,
+            acting=given,
         )
 
     def material(self, block: Block) -> Material:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from fenics_contact.spatial.result import SpatialCollapse, named
 from fenics_contact.spatial.structure import Structure
 
 
+@lru_cache(maxsize=1)
 def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
     """The state under the dead load and a multiple of the live load, or why there is none.
 
@@ -42,18 +44,17 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
     state = state_under(model, 0.0)  # what only the live load holds falls before
     if state is not None and load_factor:
         state = state_under(model, load_factor)
+    gap = np.nan if state is None else state.gap
+    nothing = replace(nothing, attempts=(FaceAttempt("elastic faces", load_factor, gap, 0),))
     if state is None:
-        attempt = FaceAttempt("elastic state of the faces", load_factor, np.nan, 0)
-        return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN, attempts=(attempt,))
-    attempt = FaceAttempt("elastic state of the faces", load_factor, state.gap, 0)
-    found = replace(nothing, load_factor=load_factor, attempts=(attempt,))
-    found = _held_against(structure, found, state.force)
+        return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
+    found = _held_against(structure, nothing, state.force)
     if "crushing" in missed(found.residuals, SEARCH.gap):
         with suppress(SolverError):
             part, force, motion = _uncrushed(structure, model, load_factor)
             if part < 1.0 - SEARCH.verified:
                 return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
-            return _held_against(structure, found, force)
+            return _held_against(structure, nothing, force)
     return found
 
 
@@ -73,13 +74,11 @@ def _fallen(
 def _held_against(structure: Structure, found: SpatialCollapse, force: Array) -> SpatialCollapse:
     """A state with the engine's forces, held against blocks, contacts and laws."""
     known = structure.point_forces(force), structure.tensions(force)
-    found = replace(found, force=known[0], tension=known[1])
+    found = replace(found, load_factor=found.given, force=known[0], tension=known[1])
     found = replace(found, residuals=residuals_of(structure, found))
-    if text := missed(found.residuals, SEARCH.gap):
-        return replace(
-            found, status="not_converged", reason=f"the state that was found misses {text}"
-        )
-    return replace(found, status="equilibrium")
+    text = missed(found.residuals, SEARCH.gap)
+    status = "not_converged" if text else "equilibrium"
+    return replace(found, status=status, reason=f"the state misses {text}" if text else "")
 
 
 def _uncrushed(

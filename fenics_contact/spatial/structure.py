@@ -56,7 +56,7 @@ class ContactPoints:
     contact: Indices
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Rigid blocks in space with their contacts and loads.
 
