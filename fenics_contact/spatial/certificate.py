@@ -68,8 +68,9 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     yields = structure.yields
     missing = missing_forces(structure, force, tension, collapse.load_factor)
     missing[:, 3:] /= structure.size
-    loads = np.abs(structure.dead) + np.abs(collapse.load_factor * structure.live)
-    typical = float(loads[:, :3].max())
+    size = np.fmax(abs(collapse.load_factor), collapse.size)
+    loads = np.abs(structure.dead) + size * np.abs(structure.live)
+    typical = float(loads[:, :3].max()) or float(np.abs(structure.live).max())
     normal = force[:, 0]
     shear = np.linalg.norm(force[:, 1:], axis=1)
     closes = structure.crushes[structure.points.contact]

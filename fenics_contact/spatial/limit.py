@@ -26,6 +26,7 @@ from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
+from fenics_contact.results.bounds import rounded
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
@@ -157,8 +158,8 @@ def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) 
     end = associative_end(model)
     if end is None:
         return replace(found, falling=wedged_blocks(structure, model, stressed=True))
-    found = replace(found, upper=found.sign * end)
-    above = (found.sign * found.load_factor - end) / found.size
+    found = replace(found, upper=rounded(found.sign * end, found.size))
+    above = found.sign * (found.load_factor - found.upper) / found.size
     if above <= 0.0:
         return found
     if above <= found.gap + SEARCH.agrees:
@@ -247,11 +248,12 @@ def as_collapse(
 
     Nor is one that needs the reverse of the live load: the dead load alone stands.
     """
+    size = model.size(state.load_factor)
     found = SpatialCollapse(
         "limit",
-        sign * state.load_factor,
+        rounded(sign * state.load_factor, size),
         abs(state.gap),
-        model.size(state.load_factor),
+        size,
         mode=structure.mode(state.mode),
         force=structure.point_forces(state.force),
         tension=structure.tensions(state.force),

@@ -38,16 +38,16 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
         InputError: If clarabel is missing, and the state crushes.
     """
     model = structure.face_model()
-    nothing = SpatialCollapse(given=load_factor)
+    tried = FaceAttempt("forces of the contacts", load_factor, np.nan, 0)
+    nothing = SpatialCollapse(given=load_factor, attempts=(tried,))
     if fall := falling(structure, model, load_factor):
         return _fallen(structure, nothing, fall, "")
     state = state_under(model, 0.0)  # what only the live load holds falls before
     if state is not None and load_factor:
         state = state_under(model, load_factor)
-    gap = np.nan if state is None else state.gap
-    nothing = replace(nothing, attempts=(FaceAttempt("elastic faces", load_factor, gap, 0),))
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
+    nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
     found = _held_against(structure, nothing, state.force)
     if "crushing" in missed(found.residuals, SEARCH.gap):
         with suppress(SolverError):
