@@ -176,7 +176,8 @@ def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
     friction = np.append(model.friction, np.ones(count))
     strength = np.append(model.strength, np.zeros(count))
     found = solve(Program(braked, Equations(braked), strength, friction, friction))
-    near = found.within(SEARCH.small_factor) and float(loads @ found.motion) > 0.0
+    small = SEARCH.small_factor
+    near = found.within(small, missing_motion=small) and float(loads @ found.motion) > 0.0
     return found.motion if near else None
 
 
