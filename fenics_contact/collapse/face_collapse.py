@@ -138,8 +138,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     trials: list[Trial] = []
     for attempt in attempts:  # their factorisations are those of small systems
         near = bool(np.isfinite(attempt.gap))
-        outcome = f"a state with gap {attempt.gap:.1e}" if near else "no state"
-        trials.append(Trial(f"faces: {attempt.name}", np.nan, outcome, near, 0, 0.0))
+        trials.append(Trial(f"faces: {attempt.name}", np.nan, attempt.outcome, near, 0, 0.0))
     record = case.record.attempts
     first = 0 if search is not None else len(record)  # it was begun before all others
     record[first:first] = trials

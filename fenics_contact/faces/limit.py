@@ -40,6 +40,11 @@ class FaceAttempt:
     gap: float
     factorizations: int
 
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words."""
+        return f"a state with gap {self.gap:.1e}" if np.isfinite(self.gap) else "no state"
+
 
 class FaceSearch:
     """Certified states of one model, and what was tried for them.

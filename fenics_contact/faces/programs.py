@@ -150,6 +150,37 @@ def motion_under(model: FaceModel, load_factor: float) -> Array | None:
     return motion if whole.power(motion).bound(model.strength) < 1.0 else None
 
 
+def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
+    """Motion v in which loads that are not carried do most work, |v| <= 1; None if none was found.
+
+    It is that of the least missing forces: every `shears` components of v get a brake, whose force
+    |t| <= N costs N. What need not move for others to fall stays, but for rounding.
+    """
+    from scipy.sparse import csr_matrix, vstack
+
+    loads = model.dead + load_factor * model.live
+    component = np.arange(len(loads))
+    brake, along = np.divmod(component, model.shears)
+    count = int(brake[-1]) + 1
+    width = model.shape[1]
+    entries = np.ones(len(loads)), (brake * width + model.pressing + along, component)
+    brakes = csr_matrix(entries, (count * width, len(loads)))
+    braked = replace(
+        model,
+        motion=vstack([model.motion, brakes]).tocsr(),
+        dead=loads,
+        live=np.zeros_like(loads),
+        compliance=np.vstack([model.compliance, *[np.median(model.compliance, axis=0)] * count]),
+        kappa=np.append(model.kappa, np.zeros(count)),
+    )
+    friction = np.append(model.friction, np.ones(count))
+    strength = np.append(model.strength, np.zeros(count))
+    found = solve(Program(braked, Equations(braked), strength, friction, friction))
+    small = SEARCH.small_factor
+    near = found.within(small, missing_motion=small) and float(loads @ found.motion) > 0.0
+    return found.motion if near else None
+
+
 def state_under(model: FaceModel, load_factor: float) -> Iterate | None:
     """The state at a load factor; None if none was found.
 

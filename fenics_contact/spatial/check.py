@@ -47,6 +47,8 @@ def description(scene: Scene, structure: Structure) -> str:
         turned = ", ".join(f"{angle:g}" for angle in movement.rotation)
         moved = units.place(movement.displacement, 6)
         lines.append(f"{name} moves by {moved}, turns by ({turned}) degrees")
+    for key, one in structure.acting.items():
+        lines.append(f"{key}: on {one.on}, resultant {units.forces(one.force.sum(axis=0))}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):
         lines.append(f"{name} load: resultant {units.forces(load[:, :3].sum(axis=0))}")
     return "\n".join(lines)

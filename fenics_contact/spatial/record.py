@@ -145,11 +145,11 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
         "tolerances": tolerances(collapse.residuals, asked),
         "seismic": collapse.seismic and asdict(collapse.seismic),
         "falling_blocks": falling if collapse.status == "unstable" else [],
-        "wedged_blocks": falling if collapse.status == "unbounded" else [],
+        "wedged_blocks": falling if collapse.status != "unstable" else [],
         "ties": tie_records(view.ties),
         "tensions": None if collapse.tension is None else collapse.tension.tolist(),
         "mechanism": moves,
-        "attempts": [vars(attempt) for attempt in collapse.attempts],
+        "attempts": [{**vars(one), "outcome": one.outcome} for one in collapse.attempts],
     }
 
 

@@ -46,6 +46,7 @@ from fenics_contact.spatial.loads import (
     Sides,
     Tie,
     surface_loads,
+    total,
 )
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
@@ -277,27 +278,29 @@ class Scene(Checked, _Shared):
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
         floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
-        pushed = masses.with_(*(floors[n] for n, floor in self.floors.items() if floor.mass))
+        pushed = masses.with_(*(floors[n][0] for n, floor in self.floors.items() if floor.mass))
         foot = min(lowest(blocks[k], self._up) for k in moving)
         factors = self.live.factors(pushed.position @ self._up - foot, pushed.mass)
-        dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
-        dead += masses.loads(blocks, self.dead.acceleration)
-        for floor in floors.values():
-            dead += floor.loads(blocks, np.array([0.0, 0.0, -GRAVITY]))
-        live = surface_loads("loads.live", self.live, blocks, self.sides, near)
-        live += pushed.loads(blocks, self.live.acceleration, factors)
+        dead = dict(surface_loads("loads.dead", self.dead, blocks, self.sides, near))
+        down = np.array([0.0, 0.0, -GRAVITY])
+        dead |= {f"floors.{n}": mass.acting(down, on=on) for n, (mass, on) in floors.items()}
+        live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
+        given = {**dead, **live}
+        dead["loads.dead.body"] = masses.acting(self.dead.acceleration)
+        live["loads.live.body"] = pushed.acting(self.live.acceleration, factors)
         return Structure(
             blocks,
             contacts,
             laws,
-            dead,
-            live,
+            total("loads.dead", blocks, dead),
+            total("loads.live", blocks, live),
             self.solve.quick,
             tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
             warnings,
             tuple(text for text in warnings if isinstance(text, Doubt)),
+            acting=given,
         )
 
     def material(self, block: Block) -> Material:

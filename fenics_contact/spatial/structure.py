@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
-from fenics_contact.spatial.loads import Bar
+from fenics_contact.spatial.loads import Acting, Bar
 from fenics_contact.spatial.points import points_of
 from fenics_contact.spatial.polyhedra import Block
 
@@ -55,7 +56,7 @@ class ContactPoints:
     contact: Indices
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Rigid blocks in space with their contacts and loads.
 
@@ -76,6 +77,7 @@ class Structure:
         warnings: Of its geometry.
         doubts: Those of the warnings that say what is not understood: while there are some, nothing
             is proved to fall.
+        acting: Tractions, forces and floors by their keys.
     """
 
     blocks: tuple[Block, ...]
@@ -89,6 +91,7 @@ class Structure:
     young: float = 1.0
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    acting: Mapping[str, Acting] = field(default_factory=dict)
 
     @cached_property
     def size(self) -> float:

@@ -78,7 +78,8 @@ class SpatialView:
             state = np.digitize(pull / limit, [SLACK, YIELDS])  # numbers of TieState
             ties = {"name": np.array(names), "force": pull, "yield": limit, "state": state}
         mode = np.zeros((len(structure.blocks), 6)) if collapse.mode is None else collapse.mode
-        view = cls(structure, mode, collapse.force, collapse.falling, collapse.sign, ties)
+        marked = collapse.falling * (collapse.mode is None)  # a collapse shows what moves
+        view = cls(structure, mode, collapse.force, marked, collapse.sign, ties)
         fastest = float(np.linalg.norm(view.displacement, axis=1).max()) or 1.0
         told = collapse_in_short(collapse)
         return replace(view, motion=AMPLITUDE * view.size / fastest * mode, caption=told)
