@@ -93,7 +93,7 @@ def checked_contacts(
     found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
     for one, two in _near_pieces(pieces, tolerance).tolist():
         first, second = owner[one], owner[two]
-        if fixed[first] and fixed[second]:
+        if (fixed[first] and fixed[second]) or (first == second and blocks[first].cut):
             continue
         for kind, measure, axes, corners in _meetings(pieces[one], pieces[two], tolerance):
             if first == second:

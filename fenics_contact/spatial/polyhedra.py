@@ -183,12 +183,14 @@ class Block:
         name: What messages call it.
         group: Key of materials and joints.
         fixed: Whether it is ground, which does not move.
+        cut: Whether the pieces are parts of one body, so that they do not overlap.
     """
 
     pieces: tuple[Polyhedron, ...]
     name: str = ""
     group: str = "default"
     fixed: bool = False
+    cut: bool = False
 
     def __post_init__(self) -> None:
         """Refuse pieces that are no convex bodies.

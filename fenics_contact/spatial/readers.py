@@ -8,12 +8,14 @@ manual, "MSH file format".
 from __future__ import annotations
 
 import json
+import logging
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,23 +23,78 @@ from fenics_contact.errors import InputError, checked, require
 from fenics_contact.geometry.dxf.reader import UNITS, visible_entities
 from fenics_contact.geometry.gmsh_mesh import read_volumes
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.bounds import counted
+from fenics_contact.scene.rules import listed
 from fenics_contact.spatial.polyhedra import Block
-from fenics_contact.spatial.surfaces import Surface, blocks_of
+from fenics_contact.spatial.surfaces import Surface, blocks_of, ground_of, is_flat
+
+_log = logging.getLogger(__name__)
 
 #: Faces in a file; 2 000 blocks have less than a tenth of them.
 MOST_FACES = 500_000
 #: Attributes that make a block of COMPAS ground.
 GROUND = ("is_support", "is_fixed")
-#: What of a COMPAS file is no block: contacts and their surfaces.
-NO_BLOCKS = {"edge", "edgedata", "interface", "interfaces", "interactions", "contacts", "features"}
-#: Attributes that move a block of COMPAS.
-PLACES = ("frame", "transformation")
+#: What `_joined` adds to a table: it names a body, it is held, the place of what it is in.
+NAMED, HELD, PARENTS = "named by us", "held by us", "place by us"
+#: What of a COMPAS file is no block: contacts, their surfaces, defaults and hulls.
+NO_BLOCKS = {
+    *("edge", "edgedata", "interface", "interfaces", "interactions", "contacts", "features"),
+    *(
+        NAMED,
+        HELD,
+        PARENTS,
+        "dva",
+        "dna",
+        "dea",
+        "default_node_attributes",
+        "node_attributes",
+        "edge_attributes",
+    ),
+    *("aabb", "obb", "collision_mesh", "geometry_simplified", "boundary_conditions"),
+    *("materials", "contact_properties", "frame", "transformation"),
+}
+#: What COMPAS wraps the contents of a table in.
+WRAPPINGS = ("data", "value", "attributes")
+#: What only tables of networks have beside vertices.
+NETWORK = {"edge", "halfedge", "adjacency"}
+#: Types of COMPAS that are bodies, with faces or without.
+BODIES = {"Block", "BlockElement", "Mesh", "Polyhedron", "Box", "Brep", "OCCBrep", "RhinoBrep"}
+BODIES |= {"Sphere", "Cylinder", "Cone", "Capsule", "Torus", "VolMesh", "Part"}
 #: Names that COMPAS gives by itself.
 OF_TYPES = {"Assembly", "Block", "BlockElement", "BlockModel", "Box", "Graph", "Mesh", "Model"}
+#: Loads of a problem of compas_dem.
+LOADS = ("gravity", "body_forces", "point_loads", "surface_loads")
+#: Bodies of a DXF file that are no meshes, and lines, points and patches of an OBJ file.
+SOLIDS = re.compile("3DSOLID|BODY|.*SURFACE")
+NO_FACES = {"l", "p", "curv", "curv2", "surf"}
+#: Name of the group of an OBJ file that has none.
+NO_GROUP = "default"
+
+
+class FileBlocks(NamedTuple):
+    """Blocks that files describe, and what is to be told of them.
+
+    Attributes:
+        blocks: All that were read.
+        count: Bodies that the files name, blocks that were read, things that were left out.
+        notes: What was left out, or taken otherwise than written.
+    """
+
+    blocks: tuple[Block, ...]
+    count: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, ...]:
+    """Blocks of `read_blocks`; its notes are logged as warnings."""
+    found = read_blocks(path, unit)
+    for text in found.notes:
+        _log.warning("warning: %s", text)
+    return found.blocks
 
 
 @checked
-def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, ...]:
+def read_blocks(path: str | Path, unit: str | None = None) -> FileBlocks:
     """Blocks that a file describes, or all files of a folder.
 
     Args:
@@ -52,36 +109,77 @@ def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, 
     kinds = ", ".join(READERS)
     path = Path(path)
     files = [path]
+    notes: list[str] = []
+    lost = named = 0
+    others: list[str] = []
     if path.is_dir():
-        files = sorted(file for file in path.iterdir() if file.suffix.lower() in READERS)
+        every = sorted(file for file in path.iterdir() if not file.name.startswith("."))
+        files = [file for file in every if file.suffix.lower() in READERS]
+        others = [file.name for file in every if file not in files]
         require(bool(files), f"folder '{path}' has no files of blocks; give some of {kinds}")
-    blocks = []
+    blocks: list[Block] = []
     for file in files:
         text = "does not exist or is no file of blocks"
         known = file.is_file() and file.suffix.lower() in READERS
         require(known, f"'{file}' {text}; give one of {kinds}")
-        surfaces = _surfaces(file, unit)
-        for surface in surfaces:
-            only = path.is_dir() and len(surfaces) == 1
-            name = file.stem if only else surface.name
-            blocks += blocks_of(replace(surface, name=name), f"'{file}'")
+        left_out = Counter[str]()
+        surfaces = _surfaces(file, unit, left_out)
+        if len(files) > 1 and not surfaces and file.suffix.lower() == ".json":
+            others.append(file.name)  # settings beside the blocks
+            continue
+        require(bool(surfaces), f"'{file}' has no faces; save the blocks as meshes")
+        named += len(surfaces)
+        if path.is_dir() and len(surfaces) == 1:
+            surfaces = [replace(surfaces[0], name=file.stem)]
+        blocks += _bodies(surfaces, f"'{file}'", left_out, notes)
+        lost += left_out.total()
+        if +left_out:
+            listing = ", ".join(f"{n} {what}" for what, n in (+left_out).items())
+            notes.append(f"'{file}': left out: {listing}")
+    if others:
+        names = ", ".join(others[:6]) + (", ..." if len(others) > 6 else "")
+        notes.append(f"folder '{path}': left out: {counted(len(others), 'file')} ({names})")
     uses = Counter(block.name for block in blocks)
     numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
-    return tuple(
+    unique = tuple(
         replace(b, name=f"{b.name} {next(numbers[b.name])}") if uses[b.name] > 1 else b
         for b in blocks
     )
+    read = f"{named} named, {len(blocks)} read, {lost + len(others)} left out"
+    return FileBlocks(unique, f"'{path}': {read}", tuple(notes))
 
 
-def _surfaces(path: Path, unit: str | None) -> list[Surface]:
+def _bodies(
+    surfaces: list[Surface], source: str, left_out: Counter[str], notes: list[str]
+) -> list[Block]:
+    """Blocks of a file; single faces that others lie on are ground."""
+    blocks: list[Block] = []
+    flat = []
+    for surface in surfaces:
+        if is_flat(surface):
+            flat.append(surface)
+        else:
+            blocks += blocks_of(surface, source, left_out)
+    grounds = [ground_of(surface, blocks, source) for surface in flat]
+    if grounds:
+        names = listed([block.name for block in grounds])
+        notes.append(f"{source}: {names}: a single face that blocks lie on, taken as ground")
+    return blocks + grounds
+
+
+def _surfaces(path: Path, unit: str | None, left_out: Counter[str]) -> list[Surface]:
     """Surfaces of a file, in m."""
     source = f"'{path}'"
     try:
         require(path.stat().st_size > 0, f"{source} is empty; save it again")
         scale = 1.0 if path.suffix.lower() == ".dxf" else UNITS[unit or "m"]
         surfaces = [
-            replace(s, faces=[scale * np.array(f, float).reshape(len(f), 3) for f in s.faces])
-            for s in READERS[path.suffix.lower()](path, unit)
+            replace(
+                s,
+                faces=[scale * np.array(f, float).reshape(len(f), 3) for f in s.faces],
+                rounding=scale * s.rounding,
+            )
+            for s in READERS[path.suffix.lower()](path, unit, left_out)
         ]
     except InputError:
         raise
@@ -91,45 +189,188 @@ def _surfaces(path: Path, unit: str | None) -> list[Surface]:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(f"{source} is damaged ({reason}); save it again") from None
     faces = sum(len(surface.faces) for surface in surfaces)
-    require(faces > 0, f"{source} has no faces; save the blocks as meshes")
     require(faces <= MOST_FACES, f"{source} has {faces} faces; at most {MOST_FACES} are read")
+    empty = [surface.name for surface in surfaces if not surface.faces]
+    more = f" (and {len(empty) - 1} more: {listed(empty[1:6])})" if empty[1:] else ""
+    text = f"block {listed(empty[:1])}{more} has no faces; delete it, or draw its surface"
+    require(not empty, f"{source}: {text}")
     return surfaces
 
 
-def _compas(path: Path, _: str | None) -> Iterator[Surface]:
+def _compas(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """Meshes of an assembly or model of COMPAS, but for those of contacts."""
-    data = json.loads(path.read_bytes().decode("utf-8-sig"))
-    yield from _meshes(data, Surface(path.stem, []), f"'{path}'")
+    data = json.loads(path.read_bytes().decode("utf-8-sig"), object_pairs_hook=_once)
+    surfaces = list(_meshes(data, Surface(path.stem, []), np.eye(4), left_out))
+    lost = _says_support(data) and not any(surface.fixed for surface in surfaces)
+    text = "says that something is a support, and no block of it is; give every block its own"
+    require(not lost, f"'{path}' {text} is_support, or use blocks.fixed without them")
+    yield from surfaces
 
 
-def _meshes(data: Any, around: Surface, source: str) -> Iterator[Surface]:
-    """Meshes in a table, with what the tables around them say of name, group, support."""
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table of a JSON file.
+
+    Raises:
+        InputError: If a key is there twice, of which one would be lost.
+    """
+    twice = [key for key, uses in Counter(key for key, _ in pairs).items() if uses > 1]
+    require(not twice, f"a JSON file has {listed(twice[:6])} twice in one table; rename one")
+    return dict(pairs)
+
+
+def _says_support(data: Any) -> bool:
+    """Whether a table, or one inside it, says that it is ground."""
+    if isinstance(data, dict) and any(data.get(key) is True for key in GROUND):
+        return True
+    inside = data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    return any(_says_support(item) for item in inside)
+
+
+def _unwrapped(data: Any) -> dict[str, Any]:
+    """A table with what its wrappings hold; an empty one of what is no table."""
+    table = dict(data) if isinstance(data, dict) else {}
+    while inner := [key for key in WRAPPINGS if isinstance(table.get(key), dict)]:
+        more = table.pop(inner[0])
+        table |= {key: item for key, item in more.items() if item is not None}
+    return table
+
+
+def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -> Iterator[Surface]:
+    """Meshes in a table, with what the tables around them say of name, group, support, place.
+
+    Bodies without faces are surfaces without faces.
+
+    Args:
+        data: A table of the file, or a list of them.
+        around: Name, group and support of what is around it.
+        matrix: From coordinates in the table to those of the whole, shape (4, 4).
+        left_out: Takes what is not read.
+    """
     if isinstance(data, list):
         for item in data:
-            yield from _meshes(item, around, source)
+            yield from _meshes(item, around, matrix, left_out)
     if not isinstance(data, dict):
         return
-    attributes = data.get("attributes")
-    table = data | attributes if isinstance(attributes, dict) else data
+    table = _joined(_unwrapped(data), left_out)
     name = table.get("name")
     around = Surface(
         str(name) if name and name not in OF_TYPES else around.name,
         [],
         str(table.get("group") or around.group),
-        around.fixed or any(bool(table.get(key)) for key in GROUND),
+        around.fixed or any(bool(table.get(key)) for key in (*GROUND, HELD)),
     )
-    for key in PLACES:
-        text = f"block '{around.name}' has a {key}; save its corners where they are"
-        require(not _contents(data.get(key)), f"{source}: {text}")
-    corners = data.get("vertex", data.get("vertices"))
-    faces = data.get("face", data.get("faces"))
-    if corners and faces:
-        yield replace(around, faces=_mesh(corners, faces))
+    matrix = matrix @ table.get(PARENTS, np.eye(4)) @ _place(table)
+    corners = table.get("vertex", table.get("vertices"))
+    faces = table.get("face", table.get("faces"))
+    kind = str(table.get("dtype", table.get("datatype"))).rpartition("/")[2]
+    body = kind in BODIES or NAMED in table or faces is not None
+    if isinstance(table.get("node"), dict):
+        table = {key: table[key] for key in ("node", "blocks", "elements") if key in table}
+    elif corners and faces:
+        mesh = _mesh(corners, faces)
+        yield replace(around, faces=[face @ matrix[:3, :3].T + matrix[:3, 3] for face in mesh])
         return
-    for key, item in data.items():
+    elif corners is not None:
+        body = body or not NETWORK & set(table)
+    for key, item in table.items():
         if key not in NO_BLOCKS:
-            named = replace(around, name=key) if key.isdecimal() else around
-            yield from _meshes(item, named, source)
+            inside = replace(around, name=key) if key.isdecimal() else around
+            for found in _meshes(item, inside, matrix, left_out):
+                body = False
+                yield found
+    if body:
+        yield around
+
+
+def _joined(table: dict[str, Any], left_out: Counter[str]) -> dict[str, Any]:
+    """A table whose blocks have what tables beside them say of them by key.
+
+    A network of COMPAS before 1.0 says which are supports, the tree of a model which elements they
+    are in, the boundary conditions of a problem which are held.
+    """
+    if "block" in table:
+        table["block"] = {"value": table["block"], NAMED: True}
+    if "boundary_conditions" in table:
+        model = _unwrapped(table["model"])
+        nodes = _unwrapped(model["graph"])["node"]
+        held = _held(_unwrapped(table["boundary_conditions"]), left_out)
+        table["model"] = model | {HELD: [nodes[key]["element"] for key in held]}
+    for what in ("contact_properties", "materials"):
+        left_out[what] += len(table.get(what) or ())
+    for kind in ("blocks", "elements"):
+        entries = table.get(kind)
+        if isinstance(entries, list):
+            entries = {str(_unwrapped(e).get("guid", k)): e for k, e in enumerate(entries)}
+        if not isinstance(entries, dict):
+            continue
+        held = list(table.pop(HELD, ()))
+        for key, network in [("", table), *((k, _unwrapped(v)) for k, v in table.items())]:
+            nodes = network.get("node", network.get("vertex"))
+            if kind == "blocks" and isinstance(nodes, dict):
+                held += [k for k, node in nodes.items() if _says_support(node)]
+                if key and not any("block" in _unwrapped(node) for node in nodes.values()):
+                    table = {k: v for k, v in table.items() if k != key}
+        lost = [key for key in held if key not in entries]
+        require(not lost, f"there are no blocks of the supports {listed(lost[:6])}")
+        places: dict[str, Array] = {}
+        groups = _nested(_unwrapped(table.get("tree")).get("root"), entries, np.eye(4), places)
+        table[kind] = {
+            key: {
+                "value": entry,
+                HELD: key in held,
+                PARENTS: places.get(key, np.eye(4)),
+                **({} if key in groups else {NAMED: True}),
+            }
+            for key, entry in entries.items()
+        }
+    return table
+
+
+def _held(conditions: dict[str, Any], left_out: Counter[str]) -> list[str]:
+    """Numbers of the blocks that a problem of compas_dem holds; what else it says is left out."""
+    moved: dict[str, dict[str, Any]] = defaultdict(dict)
+    for item in conditions.get("displacements", ()):
+        given = {key: item[key] for key in ("translation", "rotation") if item.get(key)}
+        moved[str(item["block_index"])] |= given
+    still = [0.0, 0.0, 0.0]
+    held = [key for key, given in moved.items() if list(given.values()) == [still, still]]
+    left_out["displacements that are no supports"] += len(moved) - len(held)
+    for key in LOADS:
+        value = conditions.get(key)
+        left_out[key] += len(value) if isinstance(value, list) else bool(value)
+    return held
+
+
+def _nested(
+    node: Any, elements: dict[str, Any], matrix: Array, places: dict[str, Array]
+) -> set[str]:
+    """Elements of a tree that have others in them; places get the matrix around every one."""
+    node = _unwrapped(node)
+    key = str(node.get("element"))
+    children = node.get("children") or ()
+    places[key] = matrix
+    matrix = matrix @ _place(_unwrapped(elements.get(key)))
+    groups = {key} if children else set()
+    return groups.union(*(_nested(child, elements, matrix, places) for child in children))
+
+
+def _place(table: dict[str, Any]) -> Array:
+    """Frame, then transformation of a table: from its coordinates to those around it, (4, 4)."""
+    matrix = np.eye(4)
+    if table.get("frame"):
+        frame = _unwrapped(table["frame"])
+        point, x, y = (np.array(_contents(frame[k]), float) for k in ("point", "xaxis", "yaxis"))
+        z = np.cross(x, y)
+        axes = np.array([x, np.cross(z, x), z])
+        matrix[:3, :3] = (axes / np.linalg.norm(axes, axis=1)[:, None]).T
+        matrix[:3, 3] = point
+    if table.get("transformation"):
+        given = table["transformation"]
+        moved = np.array(given if isinstance(given, list) else _unwrapped(given)["matrix"], float)
+        text = "a transformation has a matrix that is not of a motion in space; give [0, 0, 0, 1]"
+        require(moved.shape == (4, 4) and np.array_equal(moved[3], [0, 0, 0, 1]), text)
+        matrix = matrix @ moved
+    return matrix
 
 
 def _contents(item: Any) -> Any:
@@ -147,61 +388,72 @@ def _mesh(corners: Any, faces: Any) -> list[Array]:
     return [points[[number[str(key)] for key in loop]] for loop in loops]
 
 
-def _obj(path: Path, _: str | None) -> Iterator[Surface]:
+def _obj(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """Objects of an OBJ file, or groups if it has none; a block's group is that of its material."""
     text = path.read_text("utf-8-sig", "replace").replace("\\\n", " ")
-    begins = "o" if text.startswith("o ") or "\no " in text else "g"
+    lines = [line.split() or [""] for line in text.splitlines()]
+    begins = "o" if any(words[0] == "o" for words in lines) else "g"
     points: list[Any] = [None]  # they count from 1
     surfaces: dict[str, Surface] = {}
-    name, group = path.stem, "default"
-    for line in text.splitlines():
-        key, *words = line.split() or [""]
+    groups: dict[str, bool] = {}  # and whether they have faces
+    name, group = path.stem, NO_GROUP
+    for key, *words in lines:
         if key == "v":
             points.append([float(word) for word in words[:3]])
         elif key == begins:
             name = " ".join(words) or path.stem
+            if words and (key, name) != ("g", NO_GROUP):
+                surfaces.setdefault(name, Surface(name, []))
         elif key in ("g", "usemtl"):
-            group = " ".join(words) or "default"
+            group = " ".join(words) or NO_GROUP
+            if key == "g" and group != NO_GROUP:
+                groups.setdefault(group, False)
         elif key == "f":
             corners = [points[int(word.split("/")[0])] for word in words]
-            surfaces.setdefault(name, Surface(name, [], group)).faces.append(corners)
+            if not surfaces.setdefault(name, Surface(name, [])).faces:
+                surfaces[name] = Surface(name, [], group)
+            surfaces[name].faces.append(corners)
+            groups[group] = True
+        elif key in NO_FACES:
+            left_out[f"'{key}' that are no faces"] += 1
+    left_out["groups without faces"] += list(groups.values()).count(False)
     yield from surfaces.values()
 
 
-def _stl(path: Path, _: str | None) -> Iterator[Surface]:
+def _stl(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """Solids of an STL file, binary or text."""
     data = path.read_bytes()
     if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        yield Surface(path.stem, list(np.frombuffer(data, record, offset=84)["corners"]))
+        corners = np.frombuffer(data, record, offset=84)["corners"]
+        yield Surface(path.stem, list(corners), rounding=float(np.spacing(np.abs(corners).max())))
         return
     lines = data.decode("utf-8", "replace").strip().splitlines()
-    ended = lines[-1].split()[:1] == ["endsolid"]
+    ended = lines[-1].lower().split()[:1] == ["endsolid"]
     require(ended, f"'{path}' is no STL file, or its end is missing; save it again")
     solids: list[tuple[str, list[Any]]] = []
     for line in lines:
         key, *words = line.split() or [""]
-        if key == "solid":
+        if key.lower() == "solid":
             solids.append((" ".join(words) or path.stem, []))
-        elif key == "vertex":
+        elif key.lower() == "vertex":
             solids[-1][1].append([float(word) for word in words])
     for name, corners in solids:
-        if corners:
-            yield Surface(name, [corners[k : k + 3] for k in range(0, len(corners), 3)])
+        yield Surface(name, [corners[k : k + 3] for k in range(0, len(corners), 3)])
 
 
-def _dxf(path: Path, unit: str | None) -> Iterator[Surface]:
+def _dxf(path: Path, unit: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """3DFACE, MESH and polyface mesh entities of a DXF file, in m; a layer is a group."""
     surfaces: list[Surface] = []
     drawn: dict[str, Surface] = {}
-    others = Counter[str]()
-    with visible_entities(path, unit) as (entities, known, _):
+    with visible_entities(path, unit) as (entities, known, said):
         from ezdxf.render import MeshBuilder
 
         readers = {"MESH": MeshBuilder.from_mesh, "POLYLINE": MeshBuilder.from_polyface}
         for entity, layer in entities.visible():
             kind = entity.dxftype()
             is_mesh = kind == "MESH" or (kind == "POLYLINE" and "Mesh" in entity.get_mode())
+            thick = entity.dxf.is_supported("thickness") and entity.dxf.get("thickness", 0.0)
             if kind == "3DFACE":
                 drawn.setdefault(layer, Surface(layer, [], layer))
                 drawn[layer].faces.append(UNITS[known] * np.array(entity.wcs_vertices()))
@@ -209,25 +461,40 @@ def _dxf(path: Path, unit: str | None) -> Iterator[Surface]:
                 mesh = readers[kind](entity)
                 points = UNITS[known] * np.array(mesh.vertices)
                 surfaces.append(Surface(layer, [points[[*face]] for face in mesh.faces], layer))
+            elif SOLIDS.fullmatch(kind) or thick:
+                surfaces.append(Surface(f"{layer} ({kind})", [], layer))
             else:
-                others[kind] += 1
-    listed = ", ".join(f"{n} {kind}" for kind, n in others.items()) or "nothing"
+                left_out[f"{kind} on layer '{layer}'"] += 1
+    left_out += entities.left_out
+    left_out += Counter(f"part that is damaged: {text}" for text in dict.fromkeys(said))
+    listing = ", ".join(f"{n} {kind}" for kind, n in left_out.items()) or "nothing"
     text = "has no 3DFACE, MESH or polyface mesh on a visible layer"
-    require(bool(surfaces or drawn), f"'{path}' {text}, but {listed}; turn solids into meshes")
+    require(bool(surfaces or drawn), f"'{path}' {text}, but {listing}; turn solids into meshes")
     yield from (*surfaces, *drawn.values())
 
 
-def _msh(path: Path, _: str | None) -> Iterator[Surface]:
+def _msh(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """Volumes of a gmsh file; the group is the name of the first physical volume."""
     volumes, tags, coordinates = read_volumes(path)
     place = dict(zip(tags.tolist(), coordinates, strict=True))
-    for tag, group, loops in volumes:
+    used = set()
+    for tag, groups, loops in volumes:
+        used.update(groups)
         faces = [np.array([place[node] for node in loop]) for loop in loops]
+        group = groups[0] if groups else ""
         yield Surface(f"{group or 'volume'} {tag}", faces, group or "default")
+    head = path.read_bytes().partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
+    for dimension, name in re.findall(
+        r'^\s*(\d) +\d+ +"(.*)"', head.decode(errors="replace"), re.M
+    ):
+        if dimension == "3" and name not in used:
+            yield Surface(name, [])
+        elif dimension != "3":
+            left_out["physical groups that are no volumes"] += 1
 
 
 #: What reads a kind of file.
-READERS: dict[str, Callable[[Path, str | None], Iterator[Surface]]] = {
+READERS: dict[str, Callable[[Path, str | None, Counter[str]], Iterator[Surface]]] = {
     ".json": _compas,
     ".obj": _obj,
     ".stl": _stl,
