@@ -34,41 +34,28 @@ _log = logging.getLogger(__name__)
 MOST_FACES = 500_000
 #: Attributes that make a block of COMPAS ground.
 GROUND = ("is_support", "is_fixed")
-#: What `_joined` adds to a table: it names a body, it is held, the place of what it is in.
-NAMED, HELD, PARENTS = "named by us", "held by us", "place by us"
-#: What of a COMPAS file is no block: contacts, their surfaces, defaults and hulls.
-NO_BLOCKS = {
-    *("edge", "edgedata", "interface", "interfaces", "interactions", "contacts", "features"),
-    *(
-        NAMED,
-        HELD,
-        PARENTS,
-        "dva",
-        "dna",
-        "dea",
-        "default_node_attributes",
-        "node_attributes",
-        "edge_attributes",
-    ),
-    *("aabb", "obb", "collision_mesh", "geometry_simplified", "boundary_conditions"),
-    *("materials", "contact_properties", "frame", "transformation"),
-}
-#: What COMPAS wraps the contents of a table in.
+#: What `_joined` adds to a table: whether it is a body, and the place of what it is in; which of
+#: the elements in it are held.
+JOINED, HELD = "joined by key", "held by key"
+#: What of a COMPAS file is no block: defaults, contacts and their surfaces, hulls.
+NO_BLOCKS = set(
+    "dva dna dea default_node_attributes node_attributes edge_attributes edge edgedata interface"
+    " interfaces interactions contacts features aabb obb collision_mesh geometry_simplified"
+    " boundary_conditions contact_properties materials frame transformation".split()
+)
+#: What COMPAS wraps the contents of a table in, and what networks have beside vertices.
 WRAPPINGS = ("data", "value", "attributes")
-#: What only tables of networks have beside vertices.
 NETWORK = {"edge", "halfedge", "adjacency"}
 #: Types of COMPAS that are bodies, with faces or without.
-BODIES = {"Block", "BlockElement", "Mesh", "Polyhedron", "Box", "Brep", "OCCBrep", "RhinoBrep"}
-BODIES |= {"Sphere", "Cylinder", "Cone", "Capsule", "Torus", "VolMesh", "Part"}
+BODIES = set(
+    "Block BlockElement Part Mesh VolMesh Polyhedron Brep OCCBrep RhinoBrep Box Sphere Cylinder"
+    " Cone Capsule Torus".split()
+)
 #: Names that COMPAS gives by itself.
 OF_TYPES = {"Assembly", "Block", "BlockElement", "BlockModel", "Box", "Graph", "Mesh", "Model"}
-#: Loads of a problem of compas_dem.
-LOADS = ("gravity", "body_forces", "point_loads", "surface_loads")
-#: Bodies of a DXF file that are no meshes, and lines, points and patches of an OBJ file.
+#: Bodies of a DXF file that are no meshes, and what of an OBJ file is no face.
 SOLIDS = re.compile("3DSOLID|BODY|.*SURFACE")
 NO_FACES = {"l", "p", "curv", "curv2", "surf"}
-#: Name of the group of an OBJ file that has none.
-NO_GROUP = "default"
 
 
 class FileBlocks(NamedTuple):
@@ -76,12 +63,12 @@ class FileBlocks(NamedTuple):
 
     Attributes:
         blocks: All that were read.
-        count: Bodies that the files name, blocks that were read, things that were left out.
+        told: Bodies that the files name, blocks that were read, things that were left out.
         notes: What was left out, or taken otherwise than written.
     """
 
     blocks: tuple[Block, ...]
-    count: str = ""
+    told: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -106,39 +93,34 @@ def read_blocks(path: str | Path, unit: str | None = None) -> FileBlocks:
         InputError: If a file cannot be read or a block is none; the message names both.
     """
     require(unit is None or unit in UNITS, f"unit = '{unit}' must be one of {', '.join(UNITS)}")
-    kinds = ", ".join(READERS)
-    path = Path(path)
-    files = [path]
-    notes: list[str] = []
-    lost = named = 0
-    others: list[str] = []
-    if path.is_dir():
-        every = sorted(file for file in path.iterdir() if not file.name.startswith("."))
-        files = [file for file in every if file.suffix.lower() in READERS]
-        others = [file.name for file in every if file not in files]
-        require(bool(files), f"folder '{path}' has no files of blocks; give some of {kinds}")
+    files, others = _files(Path(path))
     blocks: list[Block] = []
+    flat = []
+    notes = []
+    lost = named = 0
     for file in files:
-        text = "does not exist or is no file of blocks"
-        known = file.is_file() and file.suffix.lower() in READERS
-        require(known, f"'{file}' {text}; give one of {kinds}")
+        source = f"'{file}'"
         left_out = Counter[str]()
         surfaces = _surfaces(file, unit, left_out)
         if len(files) > 1 and not surfaces and file.suffix.lower() == ".json":
             others.append(file.name)  # settings beside the blocks
             continue
-        require(bool(surfaces), f"'{file}' has no faces; save the blocks as meshes")
-        named += len(surfaces)
-        if path.is_dir() and len(surfaces) == 1:
+        require(bool(surfaces), f"{source} has no faces; save the blocks as meshes")
+        if Path(path).is_dir() and len(surfaces) == 1:
             surfaces = [replace(surfaces[0], name=file.stem)]
-        blocks += _bodies(surfaces, f"'{file}'", left_out, notes)
+        flat += [(surface, source) for surface in surfaces if is_flat(surface)]
+        for surface in surfaces:
+            blocks += [] if is_flat(surface) else blocks_of(surface, source, left_out)
+        named += len(surfaces)
         lost += left_out.total()
         if +left_out:
             listing = ", ".join(f"{n} {what}" for what, n in (+left_out).items())
-            notes.append(f"'{file}': left out: {listing}")
+            notes.append(f"{source}: left out: {listing}")
     if others:
-        names = ", ".join(others[:6]) + (", ..." if len(others) > 6 else "")
+        names = listed(others[:6]) + (", ..." if len(others) > 6 else "")
         notes.append(f"folder '{path}': left out: {counted(len(others), 'file')} ({names})")
+    blocks += [ground_of(surface, blocks, source) for surface, source in flat]
+    notes += [f"{source}: '{s.name}' is one face that blocks lie on: ground" for s, source in flat]
     uses = Counter(block.name for block in blocks)
     numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
     unique = tuple(
@@ -149,22 +131,17 @@ def read_blocks(path: str | Path, unit: str | None = None) -> FileBlocks:
     return FileBlocks(unique, f"'{path}': {read}", tuple(notes))
 
 
-def _bodies(
-    surfaces: list[Surface], source: str, left_out: Counter[str], notes: list[str]
-) -> list[Block]:
-    """Blocks of a file; single faces that others lie on are ground."""
-    blocks: list[Block] = []
-    flat = []
-    for surface in surfaces:
-        if is_flat(surface):
-            flat.append(surface)
-        else:
-            blocks += blocks_of(surface, source, left_out)
-    grounds = [ground_of(surface, blocks, source) for surface in flat]
-    if grounds:
-        names = listed([block.name for block in grounds])
-        notes.append(f"{source}: {names}: a single face that blocks lie on, taken as ground")
-    return blocks + grounds
+def _files(path: Path) -> tuple[list[Path], list[str]]:
+    """A file of blocks, or those of a folder; and names of the other files there."""
+    kinds = ", ".join(READERS)
+    if not path.is_dir():
+        known = path.is_file() and path.suffix.lower() in READERS
+        require(known, f"'{path}' does not exist or is no file of blocks; give one of {kinds}")
+        return [path], []
+    every = sorted(file for file in path.iterdir() if not file.name.startswith("."))
+    files = [file for file in every if file.is_file() and file.suffix.lower() in READERS]
+    require(bool(files), f"folder '{path}' has no files of blocks; give some of {kinds}")
+    return files, [file.name for file in every if file not in files]
 
 
 def _surfaces(path: Path, unit: str | None, left_out: Counter[str]) -> list[Surface]:
@@ -181,8 +158,9 @@ def _surfaces(path: Path, unit: str | None, left_out: Counter[str]) -> list[Surf
             )
             for s in READERS[path.suffix.lower()](path, unit, left_out)
         ]
-    except InputError:
-        raise
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(source) else f"{source}: {text}") from None
     except OSError as error:
         raise InputError(f"{source} cannot be read: {error.strerror or error}") from None
     except Exception as error:  # damaged contents fail anywhere
@@ -202,8 +180,8 @@ def _compas(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surfa
     data = json.loads(path.read_bytes().decode("utf-8-sig"), object_pairs_hook=_once)
     surfaces = list(_meshes(data, Surface(path.stem, []), np.eye(4), left_out))
     lost = _says_support(data) and not any(surface.fixed for surface in surfaces)
-    text = "says that something is a support, and no block of it is; give every block its own"
-    require(not lost, f"'{path}' {text} is_support, or use blocks.fixed without them")
+    text = "something is_support, and no block became ground; give is_support to the blocks"
+    require(not lost, text)
     yield from surfaces
 
 
@@ -211,10 +189,10 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A table of a JSON file.
 
     Raises:
-        InputError: If a key is there twice, of which one would be lost.
+        InputError: If a key is there twice: one would be lost.
     """
     twice = [key for key, uses in Counter(key for key, _ in pairs).items() if uses > 1]
-    require(not twice, f"a JSON file has {listed(twice[:6])} twice in one table; rename one")
+    require(not twice, f"one table has {listed(twice[:6])} twice; rename one")
     return dict(pairs)
 
 
@@ -238,7 +216,7 @@ def _unwrapped(data: Any) -> dict[str, Any]:
 def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -> Iterator[Surface]:
     """Meshes in a table, with what the tables around them say of name, group, support, place.
 
-    Bodies without faces are surfaces without faces.
+    Bodies without a mesh are surfaces without faces.
 
     Args:
         data: A table of the file, or a list of them.
@@ -251,27 +229,28 @@ def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -
             yield from _meshes(item, around, matrix, left_out)
     if not isinstance(data, dict):
         return
-    table = _joined(_unwrapped(data), left_out)
+    table = _unwrapped(data)
+    if isinstance(table.get("node"), dict):  # a network, whatever else is there
+        table = {key: table[key] for key in ("name", "node", "blocks", "elements") if key in table}
+    table = _joined(table, left_out)
+    named, place = table.pop(JOINED, (False, np.eye(4)))
     name = table.get("name")
     around = Surface(
         str(name) if name and name not in OF_TYPES else around.name,
         [],
         str(table.get("group") or around.group),
-        around.fixed or any(bool(table.get(key)) for key in (*GROUND, HELD)),
+        around.fixed or any(bool(table.get(key)) for key in GROUND),
     )
-    matrix = matrix @ table.get(PARENTS, np.eye(4)) @ _place(table)
+    matrix = matrix @ place @ _place(table)
     corners = table.get("vertex", table.get("vertices"))
     faces = table.get("face", table.get("faces"))
-    kind = str(table.get("dtype", table.get("datatype"))).rpartition("/")[2]
-    body = kind in BODIES or NAMED in table or faces is not None
-    if isinstance(table.get("node"), dict):
-        table = {key: table[key] for key in ("node", "blocks", "elements") if key in table}
-    elif corners and faces:
+    if corners and faces:
         mesh = _mesh(corners, faces)
         yield replace(around, faces=[face @ matrix[:3, :3].T + matrix[:3, 3] for face in mesh])
         return
-    elif corners is not None:
-        body = body or not NETWORK & set(table)
+    kind = str(table.get("dtype", table.get("datatype"))).rpartition("/")[2]
+    body = named or kind in BODIES or faces is not None
+    body = body or (corners is not None and not NETWORK & set(table))
     for key, item in table.items():
         if key not in NO_BLOCKS:
             inside = replace(around, name=key) if key.isdecimal() else around
@@ -285,43 +264,40 @@ def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -
 def _joined(table: dict[str, Any], left_out: Counter[str]) -> dict[str, Any]:
     """A table whose blocks have what tables beside them say of them by key.
 
-    A network of COMPAS before 1.0 says which are supports, the tree of a model which elements they
-    are in, the boundary conditions of a problem which are held.
+    The network of COMPAS before 1.0 says which are supports, the boundary conditions of a problem
+    which are held, the tree of a model what elements are in.
     """
-    if "block" in table:
-        table["block"] = {"value": table["block"], NAMED: True}
+    left_out["contact_properties"] += "contact_properties" in table
+    left_out["materials"] += len(table.get("materials") or ())
+    held = table.pop(HELD, [])
     if "boundary_conditions" in table:
         model = _unwrapped(table["model"])
-        nodes = _unwrapped(model["graph"])["node"]
-        held = _held(_unwrapped(table["boundary_conditions"]), left_out)
-        table["model"] = model | {HELD: [nodes[key]["element"] for key in held]}
-    for what in ("contact_properties", "materials"):
-        left_out[what] += len(table.get(what) or ())
-    for kind in ("blocks", "elements"):
-        entries = table.get(kind)
-        if isinstance(entries, list):
-            entries = {str(_unwrapped(e).get("guid", k)): e for k, e in enumerate(entries)}
-        if not isinstance(entries, dict):
+        node = _unwrapped(model["graph"])["node"]
+        numbers = _held(_unwrapped(table["boundary_conditions"]), left_out)
+        table["model"] = model | {HELD: [node[key]["element"] for key in numbers]}
+    for key, item in {"": table, **table}.items() if "blocks" in table else ():
+        network = _unwrapped(item)
+        nodes = network.get("node", network.get("vertex"))
+        if isinstance(nodes, dict):
+            held += [k for k, node in nodes.items() if _says_support(node)]
+            table[key] = None if "vertex" in network else item
+    for kind in ("block", "blocks", "elements"):
+        bodies = {"": table[kind]} if kind == "block" and kind in table else table.get(kind)
+        if isinstance(bodies, list):
+            bodies = {str(_unwrapped(item).get("guid", k)): item for k, item in enumerate(bodies)}
+        if not isinstance(bodies, dict):
             continue
-        held = list(table.pop(HELD, ()))
-        for key, network in [("", table), *((k, _unwrapped(v)) for k, v in table.items())]:
-            nodes = network.get("node", network.get("vertex"))
-            if kind == "blocks" and isinstance(nodes, dict):
-                held += [k for k, node in nodes.items() if _says_support(node)]
-                if key and not any("block" in _unwrapped(node) for node in nodes.values()):
-                    table = {k: v for k, v in table.items() if k != key}
-        lost = [key for key in held if key not in entries]
+        lost = [key for key in held if key not in bodies]
         require(not lost, f"there are no blocks of the supports {listed(lost[:6])}")
         places: dict[str, Array] = {}
-        groups = _nested(_unwrapped(table.get("tree")).get("root"), entries, np.eye(4), places)
+        groups = _nested(_unwrapped(table.get("tree")).get("root"), bodies, np.eye(4), places)
         table[kind] = {
             key: {
-                "value": entry,
-                HELD: key in held,
-                PARENTS: places.get(key, np.eye(4)),
-                **({} if key in groups else {NAMED: True}),
+                "value": item,
+                "is_fixed": key in held,
+                JOINED: (key not in groups, places.get(key, np.eye(4))),
             }
-            for key, entry in entries.items()
+            for key, item in bodies.items()
         }
     return table
 
@@ -329,15 +305,14 @@ def _joined(table: dict[str, Any], left_out: Counter[str]) -> dict[str, Any]:
 def _held(conditions: dict[str, Any], left_out: Counter[str]) -> list[str]:
     """Numbers of the blocks that a problem of compas_dem holds; what else it says is left out."""
     moved: dict[str, dict[str, Any]] = defaultdict(dict)
-    for item in conditions.get("displacements", ()):
-        given = {key: item[key] for key in ("translation", "rotation") if item.get(key)}
-        moved[str(item["block_index"])] |= given
+    for item in conditions.pop("displacements", ()):
+        moved[str(item["block_index"])] |= {key: at for key, at in item.items() if at is not None}
     still = [0.0, 0.0, 0.0]
-    held = [key for key, given in moved.items() if list(given.values()) == [still, still]]
+    held = [k for k, at in moved.items() if at.get("translation") == at.get("rotation") == still]
     left_out["displacements that are no supports"] += len(moved) - len(held)
-    for key in LOADS:
-        value = conditions.get(key)
-        left_out[key] += len(value) if isinstance(value, list) else bool(value)
+    for key, load in conditions.items():
+        if key == "gravity" or isinstance(load, list):
+            left_out[key] += len(load) if isinstance(load, list) else bool(load)
     return held
 
 
@@ -347,11 +322,11 @@ def _nested(
     """Elements of a tree that have others in them; places get the matrix around every one."""
     node = _unwrapped(node)
     key = str(node.get("element"))
-    children = node.get("children") or ()
     places[key] = matrix
     matrix = matrix @ _place(_unwrapped(elements.get(key)))
-    groups = {key} if children else set()
-    return groups.union(*(_nested(child, elements, matrix, places) for child in children))
+    children = node.get("children") or ()
+    inside = [_nested(child, elements, matrix, places) for child in children]
+    return ({key} if children else set()).union(*inside)
 
 
 def _place(table: dict[str, Any]) -> Array:
@@ -395,19 +370,18 @@ def _obj(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]
     begins = "o" if any(words[0] == "o" for words in lines) else "g"
     points: list[Any] = [None]  # they count from 1
     surfaces: dict[str, Surface] = {}
-    groups: dict[str, bool] = {}  # and whether they have faces
-    name, group = path.stem, NO_GROUP
+    groups: dict[str, bool] = {}  # whether they have faces, or name nothing
+    name, group = path.stem, "default"
     for key, *words in lines:
         if key == "v":
             points.append([float(word) for word in words[:3]])
         elif key == begins:
             name = " ".join(words) or path.stem
-            if words and (key, name) != ("g", NO_GROUP):
+            if words and (key, name) != ("g", "default"):
                 surfaces.setdefault(name, Surface(name, []))
         elif key in ("g", "usemtl"):
-            group = " ".join(words) or NO_GROUP
-            if key == "g" and group != NO_GROUP:
-                groups.setdefault(group, False)
+            group = " ".join(words) or "default"
+            groups.setdefault(group, key == "usemtl" or group == "default")
         elif key == "f":
             corners = [points[int(word.split("/")[0])] for word in words]
             if not surfaces.setdefault(name, Surface(name, [])).faces:
@@ -425,8 +399,8 @@ def _stl(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]
     data = path.read_bytes()
     if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        corners = np.frombuffer(data, record, offset=84)["corners"]
-        yield Surface(path.stem, list(corners), rounding=float(np.spacing(np.abs(corners).max())))
+        facets = np.frombuffer(data, record, offset=84)["corners"]
+        yield Surface(path.stem, list(facets), rounding=float(np.spacing(np.abs(facets).max())))
         return
     lines = data.decode("utf-8", "replace").strip().splitlines()
     ended = lines[-1].lower().split()[:1] == ["endsolid"]

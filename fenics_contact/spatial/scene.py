@@ -261,8 +261,8 @@ class Scene(Checked, _Shared):
         tables = from_table(_SceneTables, given)
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
         blocks, read, notes = blocks_of_table(tables.blocks, folder)
-        loads = {"live": tables.loads.live, "dead": tables.loads.dead}
-        return cls(blocks=blocks, read=read, notes=notes, **loads, **shared)
+        live, dead = tables.loads.live, tables.loads.dead
+        return cls(blocks=blocks, live=live, dead=dead, read=read, notes=notes, **shared)
 
     def structure(self) -> Structure:
         """The structure, ground with it, with contacts, laws and loads.

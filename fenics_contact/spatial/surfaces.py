@@ -12,13 +12,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from math import gcd
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.errors import require
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import SIZES, connected
 from fenics_contact.spatial.contacts import APART
 from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron, edges_of, not_closed
@@ -115,8 +114,6 @@ def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Blo
     Raises:
         InputError: If there are none, or one is open, touches itself, or has no volume.
     """
-    from scipy.spatial import cKDTree
-
     where = f"{source}: block '{surface.name}'"
     points = np.vstack([np.empty((0, 3)), *surface.faces])
     require(len(points) > 0, f"{where} has no faces; delete it, or draw its surface")
@@ -126,10 +123,7 @@ def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Blo
     largest = np.abs(points).max()
     text = f"{where} is {width:g} m wide, {largest:g} m from the origin; give another unit"
     require(SIZES[0] <= width and largest <= SIZES[1], text)
-    near = cKDTree(points).query_pairs(WELD * width, output_type="ndarray")
-    label = connected(near, len(points))
-    _, first, place = np.unique(label, return_index=True, return_inverse=True)
-    points = points[first]
+    points, place = _welded(points, WELD * width)
     loops: list[Loop] = []
     for numbers in np.split(place, np.cumsum([len(face) for face in surface.faces])[:-1]):
         loop = tuple(k for k, _ in groupby(numbers.tolist()))
@@ -154,25 +148,10 @@ def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Blo
 
 
 def _once(loops: list[Loop]) -> list[Loop]:
-    """Faces without those written again.
-
-    Bodies that touch may share a face. So faces that all are there n times are taken once for n;
-    else each is taken once, if that closes the surface.
-    """
-    keys = [frozenset(loop) for loop in loops]
-    uses = Counter(keys)
-    share = gcd(*uses.values())
-    if share == 1:
-        single = list(dict(zip(keys, loops, strict=True)).values())
-        edges = Counter(edge for loop in single for edge in edges_of(loop))
-        return single if set(edges.values()) == {2} else loops
-    taken = Counter[frozenset[int]]()
-    once = []
-    for key, loop in zip(keys, loops, strict=True):
-        taken[key] += 1
-        if taken[key] % share == 0:
-            once.append(loop)
-    return once
+    """Faces without those written again, if that closes the surface: bodies may share a face."""
+    once = list({frozenset(loop): loop for loop in loops}.values())
+    edges = Counter(edge for loop in once for edge in edges_of(loop))
+    return once if set(edges.values()) == {2} else loops
 
 
 def _bodies(loops: list[Loop]) -> list[list[Loop]]:
@@ -215,6 +194,16 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
             if not body.problem:
                 return [body]
     return _cut(points, loops, where, size)
+
+
+def _welded(points: Array, near: float) -> tuple[Array, Indices]:
+    """Points without those that are near to others, and numbers of those instead of all."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    label = connected(pairs, len(points))
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
+    return points[first], place
 
 
 def _hull(points: Array, size: float) -> Any:
@@ -274,7 +263,7 @@ def _cut(points: Array, loops: list[Loop], where: str, size: float) -> list[Poly
             height = above[np.argmax(cuts)]
             cells += [_part(corners, sign * height, flat) for sign in (1.0, -1.0)]
         elif hull.volume > 10.0 * flat * hull.area and _inside(corners.mean(axis=0), triangles):
-            pieces.append(Polyhedron.hull(corners))
+            pieces.append(Polyhedron.hull(_welded(corners, flat)[0]))
         text = "give it as several blocks, or simpler"
         many = f"{where} is not convex and has more than {MOST_PIECES} convex pieces; {text}"
         require(len(pieces) + len(cells) <= MOST_PIECES, many)
