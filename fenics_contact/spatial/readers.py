@@ -13,6 +13,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import reduce
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,9 +35,8 @@ _log = logging.getLogger(__name__)
 MOST_FACES = 500_000
 #: Attributes that make a block of COMPAS ground.
 GROUND = ("is_support", "is_fixed")
-#: What `_joined` adds to a table: whether it is a body, and the place of what it is in; which of
-#: the elements in it are held.
-JOINED, HELD = "joined by key", "held by key"
+#: Keys that `_joined` adds: it is a body; the place of what it is in; which elements are held.
+NAMED, PARENTS, HELD = "(named)", "(parents)", "(held)"
 #: What of a COMPAS file is no block: defaults, contacts and their surfaces, hulls.
 NO_BLOCKS = set(
     "dva dna dea default_node_attributes node_attributes edge_attributes edge edgedata interface"
@@ -178,7 +178,7 @@ def _surfaces(path: Path, unit: str | None, left_out: Counter[str]) -> list[Surf
 def _compas(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]:
     """Meshes of an assembly or model of COMPAS, but for those of contacts."""
     data = json.loads(path.read_bytes().decode("utf-8-sig"), object_pairs_hook=_once)
-    surfaces = list(_meshes(data, Surface(path.stem, []), np.eye(4), left_out))
+    surfaces = list(_meshes(data, Surface(path.stem, []), [], left_out))
     lost = _says_support(data) and not any(surface.fixed for surface in surfaces)
     text = "something is_support, and no block became ground; give is_support to the blocks"
     require(not lost, text)
@@ -213,7 +213,9 @@ def _unwrapped(data: Any) -> dict[str, Any]:
     return table
 
 
-def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -> Iterator[Surface]:
+def _meshes(
+    data: Any, around: Surface, within: list[dict[str, Any]], left_out: Counter[str]
+) -> Iterator[Surface]:
     """Meshes in a table, with what the tables around them say of name, group, support, place.
 
     Bodies without a mesh are surfaces without faces.
@@ -221,19 +223,18 @@ def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -
     Args:
         data: A table of the file, or a list of them.
         around: Name, group and support of what is around it.
-        matrix: From coordinates in the table to those of the whole, shape (4, 4).
+        within: Tables around it, which may have places.
         left_out: Takes what is not read.
     """
     if isinstance(data, list):
         for item in data:
-            yield from _meshes(item, around, matrix, left_out)
+            yield from _meshes(item, around, within, left_out)
     if not isinstance(data, dict):
         return
     table = _unwrapped(data)
     if isinstance(table.get("node"), dict):  # a network, whatever else is there
         table = {key: table[key] for key in ("name", "node", "blocks", "elements") if key in table}
     table = _joined(table, left_out)
-    named, place = table.pop(JOINED, (False, np.eye(4)))
     name = table.get("name")
     around = Surface(
         str(name) if name and name not in OF_TYPES else around.name,
@@ -241,20 +242,21 @@ def _meshes(data: Any, around: Surface, matrix: Array, left_out: Counter[str]) -
         str(table.get("group") or around.group),
         around.fixed or any(bool(table.get(key)) for key in GROUND),
     )
-    matrix = matrix @ place @ _place(table)
+    within = [*within, table]
     corners = table.get("vertex", table.get("vertices"))
     faces = table.get("face", table.get("faces"))
     if corners and faces:
         mesh = _mesh(corners, faces)
+        matrix = reduce(np.matmul, map(_place, within))
         yield replace(around, faces=[face @ matrix[:3, :3].T + matrix[:3, 3] for face in mesh])
         return
     kind = str(table.get("dtype", table.get("datatype"))).rpartition("/")[2]
-    body = named or kind in BODIES or faces is not None
+    body = NAMED in table or kind in BODIES or faces is not None
     body = body or (corners is not None and not NETWORK & set(table))
     for key, item in table.items():
         if key not in NO_BLOCKS:
             inside = replace(around, name=key) if key.isdecimal() else around
-            for found in _meshes(item, inside, matrix, left_out):
+            for found in _meshes(item, inside, within, left_out):
                 body = False
                 yield found
     if body:
@@ -278,13 +280,15 @@ def _joined(table: dict[str, Any], left_out: Counter[str]) -> dict[str, Any]:
     for key, item in {"": table, **table}.items() if "blocks" in table else ():
         network = _unwrapped(item)
         nodes = network.get("node", network.get("vertex"))
-        if isinstance(nodes, dict):
+        if isinstance(nodes, dict) and not {"face", "faces"} & set(network):
             held += [k for k, node in nodes.items() if _says_support(node)]
-            table[key] = None if "vertex" in network else item
+            if key and any(GROUND[0] in _unwrapped(node) for node in nodes.values()):
+                table[key] = None if "vertex" in network else item
     for kind in ("block", "blocks", "elements"):
         bodies = {"": table[kind]} if kind == "block" and kind in table else table.get(kind)
         if isinstance(bodies, list):
-            bodies = {str(_unwrapped(item).get("guid", k)): item for k, item in enumerate(bodies)}
+            keys = [str(_unwrapped(item).get("guid", k)) for k, item in enumerate(bodies)]
+            bodies = _once(list(zip(keys, bodies, strict=True)))
         if not isinstance(bodies, dict):
             continue
         lost = [key for key in held if key not in bodies]
@@ -295,7 +299,8 @@ def _joined(table: dict[str, Any], left_out: Counter[str]) -> dict[str, Any]:
             key: {
                 "value": item,
                 "is_fixed": key in held,
-                JOINED: (key not in groups, places.get(key, np.eye(4))),
+                PARENTS: places.get(key, np.eye(4)),
+                **({} if key in groups else {NAMED: True}),
             }
             for key, item in bodies.items()
         }
@@ -330,15 +335,17 @@ def _nested(
 
 
 def _place(table: dict[str, Any]) -> Array:
-    """Frame, then transformation of a table: from its coordinates to those around it, (4, 4)."""
-    matrix = np.eye(4)
+    """From the coordinates of a table to those around it: by its frame after its transformation.
+
+    Shape (4, 4).
+    """
+    matrix = np.array(table.get(PARENTS, np.eye(4)))
     if table.get("frame"):
         frame = _unwrapped(table["frame"])
         point, x, y = (np.array(_contents(frame[k]), float) for k in ("point", "xaxis", "yaxis"))
         z = np.cross(x, y)
-        axes = np.array([x, np.cross(z, x), z])
-        matrix[:3, :3] = (axes / np.linalg.norm(axes, axis=1)[:, None]).T
-        matrix[:3, 3] = point
+        axes = [axis / np.linalg.norm(axis) for axis in (x, np.cross(z, x), z)]
+        matrix = matrix @ np.vstack([np.column_stack([*axes, point]), [0.0, 0.0, 0.0, 1.0]])
     if table.get("transformation"):
         given = table["transformation"]
         moved = np.array(given if isinstance(given, list) else _unwrapped(given)["matrix"], float)
@@ -413,6 +420,7 @@ def _stl(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]
         elif key.lower() == "vertex":
             solids[-1][1].append([float(word) for word in words])
     for name, corners in solids:
+        require(len(corners) % 3 == 0, f"solid '{name}' has a facet without three corners")
         yield Surface(name, [corners[k : k + 3] for k in range(0, len(corners), 3)])
 
 
@@ -420,6 +428,7 @@ def _dxf(path: Path, unit: str | None, left_out: Counter[str]) -> Iterator[Surfa
     """3DFACE, MESH and polyface mesh entities of a DXF file, in m; a layer is a group."""
     surfaces: list[Surface] = []
     drawn: dict[str, Surface] = {}
+    others = Counter[str]()
     with visible_entities(path, unit) as (entities, known, said):
         from ezdxf.render import MeshBuilder
 
@@ -438,10 +447,11 @@ def _dxf(path: Path, unit: str | None, left_out: Counter[str]) -> Iterator[Surfa
             elif SOLIDS.fullmatch(kind) or thick:
                 surfaces.append(Surface(f"{layer} ({kind})", [], layer))
             else:
+                others[kind] += 1
                 left_out[f"{kind} on layer '{layer}'"] += 1
     left_out += entities.left_out
     left_out += Counter(f"part that is damaged: {text}" for text in dict.fromkeys(said))
-    listing = ", ".join(f"{n} {kind}" for kind, n in left_out.items()) or "nothing"
+    listing = ", ".join(f"{n} {kind}" for kind, n in others.items()) or "nothing"
     text = "has no 3DFACE, MESH or polyface mesh on a visible layer"
     require(bool(surfaces or drawn), f"'{path}' {text}, but {listing}; turn solids into meshes")
     yield from (*surfaces, *drawn.values())

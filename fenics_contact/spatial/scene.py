@@ -314,7 +314,7 @@ class Scene(Checked, _Shared):
                 odd.append(f"block '{block.name}' weighs {1e-3 * mass:.3g} t")
         if odd:
             more = f" (and {len(odd) - 1} more)" if odd[1:] else ""
-            yield f"{odd[0]}{more}: if that is another unit than m, set blocks.unit"
+            yield f"{odd[0]}{more}: are the numbers in m? A file has blocks.unit"
 
     def material(self, block: Block) -> Material:
         """Material of a block.
