@@ -63,7 +63,7 @@ class Surface:
 def is_flat(surface: Surface) -> bool:
     """Whether all faces of a surface lie in one plane, and it has an extent there."""
     points = np.vstack(surface.faces)
-    if not np.isfinite(points).all():
+    if len(points) < 3 or not np.isfinite(points).all():
         return False
     sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(sizes[-1] <= FLAT * sizes[0] < sizes[1])
@@ -78,7 +78,7 @@ def ground_of(surface: Surface, blocks: Sequence[Block], source: str) -> Block:
     """
     points = np.vstack(surface.faces)
     middle = points.mean(axis=0)
-    normal = np.linalg.svd(points - middle)[2][-1]
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][-1]
     across = points - np.outer((points - middle) @ normal, normal)
     thickness = []
     sides = set()
