@@ -310,7 +310,7 @@ def test_a_face_that_is_no_ground_because_it_is_not_convex(tmp_path):
 @pytest.mark.parametrize("corners", ["1", "1 2", "1 1 1"])
 def test_a_face_of_a_point_or_a_line_is_no_block(corners, tmp_path):
     (tmp_path / "a.obj").write_text(f"o a\nv 0 0 0\nv 1 0 0\nf {corners}\n")
-    with pytest.raises(InputError, match="a.obj': block 'a' (has no faces with an area|is 0 m)"):
+    with pytest.raises(InputError, match=r"a\.obj': block 'a' (has no faces with an area|is 0 m)"):
         read_blocks(tmp_path / "a.obj")
 
 
