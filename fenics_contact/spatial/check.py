@@ -25,6 +25,7 @@ def description(scene: Scene, structure: Structure) -> str:
     mass = sum(block.volume * scene.material(block).density for block in moving)
     lines = [
         scene.title or "(no title)",
+        *([f"file {scene.read}"] if scene.read else []),
         f"{counted(len(moving), 'block')} and {fixed} of ground, volume {volume:.6g} m3, mass"
         f" {units.mass(mass)}",
     ]

@@ -59,6 +59,8 @@ SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
     "hexahedron": (8, Polyhedron.hexahedron),
     "vertices": (0, Polyhedron.hull),
 }
+#: Widths, m, and mass, kg, of blocks beyond which they are probably of another unit.
+SMALLEST, WIDEST, HEAVIEST = 5e-3, 50.0, 1e9
 #: Name of the ground where none is given.
 GROUND = "ground"
 #: Which axes of a file become x, y and z, by the one that points upwards, with their signs.
@@ -175,11 +177,15 @@ class Scene(Checked, _Shared):
         tolerance: Sides touch that are as near as this, m, and blocks may overlap by it; None: a
             part of their thickness.
         title: Of pictures and result.
+        read: How many blocks a file names, how many were read.
+        notes: What of a file was left out, or taken otherwise than written.
     """
 
     blocks: tuple[Block, ...]
     live: Load = field(default_factory=Load)
     dead: Load = field(default_factory=Load)
+    read: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -258,8 +264,9 @@ class Scene(Checked, _Shared):
         """
         tables = from_table(_SceneTables, given)
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
-        blocks = blocks_of_table(tables.blocks, folder)
-        return cls(blocks=blocks, live=tables.loads.live, dead=tables.loads.dead, **shared)
+        blocks, read, notes = blocks_of_table(tables.blocks, folder)
+        live, dead = tables.loads.live, tables.loads.dead
+        return cls(blocks=blocks, live=live, dead=dead, read=read, notes=notes, **shared)
 
     def structure(self) -> Structure:
         """The structure, ground with it, with contacts, laws and loads.
@@ -298,10 +305,24 @@ class Scene(Checked, _Shared):
             tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            warnings,
+            (*self.notes, *self._odd_sizes(), *warnings),
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting=given,
         )
+
+    def _odd_sizes(self) -> Iterator[str]:
+        """Blocks of a size that is probably that of another unit."""
+        odd = []
+        for block in (block for block in self.blocks if not block.fixed):
+            width = float(np.ptp(block.extent, axis=0).max())
+            mass = block.volume * self.material(block).density
+            if not SMALLEST <= width <= WIDEST:
+                odd.append(f"block '{block.name}' is {width:.3g} m wide")
+            elif mass > HEAVIEST:
+                odd.append(f"block '{block.name}' weighs {1e-3 * mass:.3g} t")
+        if odd:
+            more = f" (and {len(odd) - 1} more)" if odd[1:] else ""
+            yield f"{odd[0]}{more}: are the numbers in m? A file has blocks.unit"
 
     def material(self, block: Block) -> Material:
         """Material of a block.
@@ -480,8 +501,13 @@ class _Changes(Checked):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def blocks_of_table(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
+def blocks_of_table(
+    table: Mapping[str, Any], folder: Path
+) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
     """Blocks of the table [blocks]: of a file, of a builder, or one by one.
+
+    Returns:
+        The blocks; of a file how many were read, and what was left out.
 
     Raises:
         InputError: If they are wrong.
@@ -498,10 +524,10 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
     shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
-    return tuple(shape.block(name) for name, shape in shapes.items())
+    return tuple(shape.block(name) for name, shape in shapes.items()), "", ()
 
 
-def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
+def _made(table: Mapping[str, Any], folder: Path) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
     """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
     given = dict(table)
     changes = from_table(
@@ -510,9 +536,9 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
     if "file" in given:
         refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
         readers = import_module("fenics_contact.spatial.readers")
-        blocks = readers.blocks_from_file(folder / given["file"], given.get("unit"))
+        blocks, read, notes = readers.read_blocks(folder / given["file"], given.get("unit"))
     else:
-        blocks = _built(str(given.pop("builder")), given)
+        blocks, read, notes = _built(str(given.pop("builder")), given), "", ()
     names = [name for block in blocks for name in (block.name, block.group)]
     wished: list[tuple[str, Any]] = [(pattern, {"fixed": True}) for pattern in changes.fixed]
     wished += [(p, {"group": g}) for g, patterns in changes.groups.items() for p in patterns]
@@ -522,7 +548,7 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
         text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
         require(bool(chosen), text)
         blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
-    return blocks
+    return blocks, read, notes
 
 
 def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
