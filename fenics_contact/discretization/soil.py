@@ -73,7 +73,8 @@ def places_of_soil(scene: Scene, boundary: Boundary) -> dict[str, Places]:
         facet = strips.facets[strip]
         first, second = boundary.points[facet, :2].swapaxes(0, 1)
         position = first + parameter[:, None] * (second - first)
-        stress = stress_of_soil(scene.soil[name], position[:, 1]) * (0.5 * height / np.maximum(parts, 1))[strip]
+        share = (0.5 * height / np.maximum(parts, 1))[strip]
+        stress = stress_of_soil(scene.soil[name], position[:, 1]) * share
         found[name] = Places(facet, parameter, position, stress, np.sign(across[strip]))
     return found
 

@@ -431,7 +431,7 @@ class JointForceSolver(Closing):
         return level, min(change, last, joints + residuals["equilibrium"])
 
     def _rho(self, level: int, scales: Scales) -> float:
-        """rho of a level, N/m per metre of thickness."""
+        """Small stiffness rho of a level, N/m per metre of thickness."""
         return SEARCH.decade ** (1 + level) * scales.force / scales.displacement
 
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
