@@ -192,13 +192,13 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         certificate,
         reason="" if certificate.passed else misses,
         engine="faces",
-        gap=state.gap,
+        gap=abs(state.gap),
         asked=asked,
     )
     if not case.blocks.has_strength:
         return end
     inside = f"{end.inside} and the compressive strengths"
-    return replace(end.with_answer(CrushingAnswer(_at_strength(faces, state.force))), inside=inside)
+    return replace(end.with_answer(CrushingAnswer(_at_strength(faces, state))), inside=inside)
 
 
 def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:
@@ -243,17 +243,23 @@ def force_residuals(
     return residuals
 
 
-def _at_strength(faces: PlanarFaces, force: Array) -> tuple[PlaceAtStrength, ...]:
-    """Ends of faces at their strength, the longest blocks of pressure first."""
-    model = faces.model
+def _at_strength(faces: PlanarFaces, state: FaceState) -> tuple[PlaceAtStrength, ...]:
+    """Ends of faces at their strength, the longest blocks of pressure first.
+
+    Little of it is left in the state, or, within the state's gap, the mode closes the face there.
+    """
+    model, force = faces.model, state.force
     normal = model.normal(force)
     left = force[:, :2] - (model.kappa * normal**2)[:, None]
+    opening = model.relative(state.mode)[:, :2]
     at_strength = (model.kappa > 0.0) & (normal > SEARCH.verified * normal.max(initial=0.0))
+    # Where little is left at one end, the block of pressure is at the other one.
+    crushes = left[:, ::-1] <= SEARCH.slight * normal[:, None]
+    crushes |= opening < -SEARCH.slight * np.abs(opening).max(initial=0.0)
     joints = faces.joints
     places = []
-    # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
-        point = faces.faces.ends[face, 1 - end]
+    for face, end in np.argwhere(at_strength[:, None] & crushes):
+        point = faces.faces.ends[face, end]
         length = float(normal[face] / faces.compressive_strength[face])
         x, y = map(float, joints.position[point])
         group = joints.names[joints.law[point]]
