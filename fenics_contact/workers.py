@@ -22,7 +22,6 @@ from queue import SimpleQueue
 from typing import IO, TYPE_CHECKING, Any
 
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.solvers.highs import end_with_parent
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -145,7 +144,8 @@ class Processes(Executor):
         self._busy: set[subprocess.Popen[bytes]] = set()
         for _ in range(count):
             read, write = os.pipe()  # what a task prints is no answer
-            program = f"from {__name__} import answer; answer({write})"
+            ends = "from fenics_contact.solvers.highs import end_with_parent; end_with_parent()"
+            program = f"{ends}; from {__name__} import answer; answer({write})"
             # A worker that still begins is not killed by a signal that asks it to end its task.
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
             worker = subprocess.Popen(
@@ -267,7 +267,6 @@ def last_result_of(future: Future[Any], beside: Executor) -> Any:
 
 def answer(answers: int) -> None:
     """Do tasks that come by standard input, and answer by an open file, in a worker's process."""
-    end_with_parent()
     import_module("fenics_contact.limit_load")  # what most tasks need
     with (
         os.fdopen(os.dup(0), "rb") as tasks,
