@@ -8,9 +8,6 @@ from fenics_contact import JointLaw, limit_load
 from tests.bank import coulomb, tresca, wall_recipe
 
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
-BY_PRESSURES = ("auto", "fixed-point", "monolithic")
-#: Of W3 and W4 the state by joint forces is another one, or dear: tests/regression/test_methods.py.
-COULOMB = {"W1": METHODS, "W2": METHODS, "W3": BY_PRESSURES, "W4": BY_PRESSURES}
 
 
 def solved(name: str, law: JointLaw, method: str):
@@ -21,7 +18,7 @@ def solved(name: str, law: JointLaw, method: str):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("bound", [2e3, 4e3, 8e3])
+@pytest.mark.parametrize("bound", [2e3, 8e3])
 @pytest.mark.parametrize("name", ["W1", "W2", "W3", "W4"])
 def test_given_shear_strengths(name, bound, method):
     """The load factor is unique: both ends of the linear program of rigid blocks."""
@@ -36,9 +33,8 @@ def test_without_friction_nothing_pushes(name, method):
     assert result.load_factor == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "method"), [(name, method) for name, some in COULOMB.items() for method in some]
-)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["W1", "W2", "W3", "W4"])
 def test_coulomb(name, method):
     """Collapse states are several: each is verified, and in the bracket."""
     result = solved(name, coulomb(0.65), method)
