@@ -249,8 +249,9 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
             None if one is None or math.isinf(one) else words.number(one, end.sign)
             for one in known[:: 1 if end.sign > 0.0 else -1]
         ]
-        ends = [None if end.bounds.meet else ends[0], ends[1]]
-        parts.append(f"it is {LimitBounds(*ends).told('{:.3g}'.format)} {words.unit}")
+        told = LimitBounds(*ends).told("{:.3g}".format)
+        told = f"all collapse states are at {ends[1]:.4g}" if end.bounds.meet else f"it is {told}"
+        parts.append(f"{told} {words.unit}")
     return "; ".join([*parts, *(part for part in clauses if part.startswith("try "))])
 
 

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import os
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -169,6 +170,8 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     folder = _output_folder(options, comm, "_sweep")
     family = Family((options.scene, tuple(options.overrides)), comm)
     tell = SweepProgress() if loud else None
+    if MPI.COMM_WORLD.size == 1:  # mpirun ends its ranks itself
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         found = run_sweep(family, parameters, folder, beside, tell)
     except KeyboardInterrupt:

@@ -21,7 +21,6 @@ from fenics_contact.discretization.layout import (
     RigidBodies,
     relative_motions,
     straight_faces,
-    strength_of,
 )
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
@@ -169,7 +168,7 @@ def _strengths(layout: Layout, faces: Faces, length: Array) -> Array:
     """
     joints = layout.joints
     strength = np.full(len(length), np.inf)
-    np.minimum.at(strength, faces.of_point, strength_of(layout.scene, joints))
+    np.minimum.at(strength, faces.of_point, joints.crushes)
     strength[length == 0.0] = np.inf
     contact = np.bincount(faces.of_point, joints.length, len(length))
     part = np.divide(contact, length, out=np.ones(len(length)), where=length > 0.0)

@@ -184,7 +184,9 @@ class RigidBlocks:
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
         if self._bracket is not None:
-            return self._bracket.result().upper if self._bracket.done() else None
+            with suppress(SolverError):  # its process has ended
+                return self._bracket.result().upper if self._bracket.done() else None
+            return None
         return self._upper if "_upper" in vars(self) or not self.model.is_large else None
 
     def stands(self) -> bool:
