@@ -35,7 +35,7 @@ class SpatialCollapse:
         gap: Proved distance to what its own friction forces allow, relative.
         upper: Nothing carries more with any friction forces; infinite where nothing is known.
         mode: Motions of all blocks in the collapse: velocities of centroids and rotations, shape
-            (blocks, 6), scaled to a largest velocity of 1; None without a limit.
+            (blocks, 6), scaled to a largest velocity of a corner of 1; None without a limit.
         force: Forces of the points along their contact's axes, N, shape (points, 3).
         tension: Of the bars, N, shape (bars,).
         lowest: Load factor of the lowest collapse state found; nan where none was looked for.
