@@ -99,7 +99,7 @@ class Certifier:
     def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
         model = self.model
-        strength = model.own_strength(force) + SEARCH.regularization * model.force
+        strength = model.own_strength(force) + SEARCH.regularization * model.unit_sizes[:, 0]
         program = self._program(strength, model.dilatancy)
         near = None
         if start is not None:

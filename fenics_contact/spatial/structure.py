@@ -254,4 +254,5 @@ class Structure:
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
             components=3,
+            block=np.repeat(np.arange(motion.shape[1] // 6), 6),
         )
