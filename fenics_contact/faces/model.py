@@ -15,14 +15,14 @@ In any number of dimensions a unit may be a point of a face: k = 1, q = dimensio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.faces.cones import Array, Cone, Disc, Positive
-from fenics_contact.geometry.mesh import Indices
+from fenics_contact.geometry.mesh import Flags, Indices
 
 #: Typical forces of a block are so many times its own load at most: as many others stand on it.
 CARRIED = 100.0
@@ -125,6 +125,13 @@ class FaceModel:
         """Cones of the slacks: in one dimension of shear, |t| is two bounds."""
         pressed: tuple[Cone, ...] = (Positive(),)
         return pressed if self.shears == 1 else (*pressed, Disc())
+
+    def of_units(self, kept: Flags) -> FaceModel:
+        """The model with some of its units alone."""
+        names = "strength", "friction", "dilatancy", "compliance", "kappa", "offset"
+        every = {name: getattr(self, name) for name in names}
+        values: dict[str, Any] = {k: v if v is None else v[kept] for k, v in every.items()}
+        return replace(self, motion=self.motion[np.repeat(kept, self.shape[1])], **values)
 
     @property
     def shears(self) -> int:

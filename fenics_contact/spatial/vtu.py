@@ -1,4 +1,4 @@
-"""Files of fields: forces at points, and for ParaView blocks with the collapse mode, contacts with what they carry, the motion.
+"""Files of fields: forces at points; for ParaView blocks and their motion, contacts.
 
 VTU is XML with arrays in base64, packed by zlib (VTK file formats, https://docs.vtk.org). Convex
 pieces are polyhedra of VTK, contacts polygons.
