@@ -102,16 +102,28 @@ class Certifier:
         strength = model.own_strength(force) + SEARCH.regularization * model.unit_sizes[:, 0]
         program = self._program(strength, model.dilatancy)
         near = None
+        least, best = np.inf, None
+
+        def passed(iterate: Iterate) -> bool:
+            """Note the mode that bounds the load factor most, for where the end is not reached."""
+            nonlocal least, best
+            work = self.sign * float(model.live @ iterate.motion)
+            mode = iterate.motion / work
+            power = model.power(mode)
+            bound = power.bound(strength)
+            closes = np.any(power.closing > SEARCH.verified * np.abs(model.relative(mode)).max())
+            if work > 0.0 and bound < least and not closes:
+                least, best = bound, replace(iterate, motion=mode)
+            return False
+
         if start is not None:
-            near = solve(
-                program, start, Tolerances(10.0 * SEARCH.face_gap), start.mu / SEARCH.decade
-            )
+            tolerances = Tolerances(10.0 * SEARCH.face_gap)
+            near = solve(program, start, tolerances, start.mu / SEARCH.decade, passed)
         if near is None or not near.within(1e-5):
-            near = solve(program)
-        if not near.within(1e-5):
-            return None
-        work = abs(float(model.live @ near.motion))
-        return replace(near, motion=near.motion / work)
+            near = solve(program, enough=passed)
+        if near.within(1e-5):
+            return replace(near, motion=near.motion / abs(float(model.live @ near.motion)))
+        return best
 
     def least_gap(
         self,

@@ -65,7 +65,7 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
 
 def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> None:
     """Write the forces at points, if any are known, with all that recomputes their equilibrium."""
-    if end.force is None:
+    if end.force is None or end.tension is None:
         return
     points = structure.points
     pairs = np.array([(contact.first, contact.second) for contact in structure.contacts])
