@@ -76,8 +76,11 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap)
-        box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
+        least = max(SEARCH.moves * elastic.gap, SEARCH.gap)
+        box, *wider = (
+            (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
+            for moves in (least, *(part for part in SEARCH.boxes if part > least))
+        )
         start = replace(
             elastic,
             motion=elastic.motion / work,
@@ -89,7 +92,9 @@ class Certifier:
             return None, np.nan
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, box)
-        return state or self.least_gap(None, mode.motion), mode.load_factor
+        for box in (*wider, None):
+            state = state or self.least_gap(None, mode.motion, box=box)
+        return state, mode.load_factor
 
     def of(self, force: Array) -> FaceState | None:
         """The state of least gap for the mode of the strengths of some forces."""
