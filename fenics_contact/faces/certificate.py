@@ -92,8 +92,8 @@ class Certifier:
             return None, np.nan
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, box)
-        for box in (*wider, None):
-            state = state or self.least_gap(None, mode.motion, box=box)
+        for wide in (*wider, None):
+            state = state or self.least_gap(None, mode.motion, box=wide)
         return state, mode.load_factor
 
     def of(self, force: Array) -> FaceState | None:

@@ -21,7 +21,7 @@ from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end, motion_under, state_alone, state_under
 from fenics_contact.geometry.mesh import Array
@@ -292,7 +292,11 @@ def _with_lowest(
     instead = options.states == "lowest"
     spent = found.factorizations
     best: FaceState | None = None
-    for start in list(STARTS.values())[: None if instead else 1]:
+    corners = replace(structure, quick=True).face_model(found.sign)
+    starts: list[Start] = list(STARTS.values())[: None if instead else 1]
+    if not structure.quick:
+        starts.append(FaceSearch(corners, options.gap, EFFORT, check_stop))
+    for start in starts:
         search = FaceSearch(model, SEARCH.side_accuracy, EFFORT, check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations
