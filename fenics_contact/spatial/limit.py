@@ -138,20 +138,23 @@ def _solved(
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
     found = collapse_of(structure, sign, options.gap, check_stop)
-    if found.status != "limit":
+    if found.status not in ("limit", "not_converged"):
         return found
     model = structure.face_model(sign)
+    lower = options.lowest or options.states == "lowest"
     try:
-        if (options.lowest or options.states == "lowest") and not np.any(structure.crushes):
+        if lower and found.status == "limit" and not np.any(structure.crushes):
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
-        if not options.fast:
+        if not options.fast and not found.stopped:
             check_stop()
             tell("what nothing exceeds")
             end = associative_end(model)
             found = replace(found, upper=np.inf if end is None else sign * end)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
+    if found.status != "limit":
+        return found
     return replace(found, seismic=seismic_check(structure, found, scene))
 
 
@@ -189,12 +192,12 @@ def collapse_of(
     try:
         state = search.run(unlimited)
         if state is not None and crushes and not wedged:
-            why = "no state was found that does not crush"
-            state = crushed_state(structure, model, state.force, asked, check_stop)
+            # Without one that does not crush, what the other one misses is told.
+            state = crushed_state(structure, model, state, asked, check_stop) or state
     except (Stopped, SolverError) as end:
         why = str(end)
         stopped = why * isinstance(end, Stopped)
-        state = None if crushes else search.best
+        state = search.best
     if wedged:
         limit = sign * np.inf
         why = f"{UNLIMITED}: {named(structure, wedged, 'wedge')}"
@@ -293,7 +296,7 @@ def _with_lowest(
     spent = found.factorizations
     best: FaceState | None = None
     corners = replace(structure, quick=True).face_model(found.sign)
-    starts: list[Start] = list(STARTS.values())[: None if instead else 1]
+    starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
     if not structure.quick:
         starts.append(FaceSearch(corners, options.gap, EFFORT, check_stop))
     for start in starts:

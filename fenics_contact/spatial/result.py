@@ -18,6 +18,7 @@ from fenics_contact.results.result import ByDirection
 from fenics_contact.results.values import NAMED
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
 
 #: What forces at the corners of contacts leave out.
@@ -208,7 +209,8 @@ def _without_limit(name: str, collapse: SpatialCollapse, words: Wording) -> str:
     way = f" {words.way(name)}".rstrip()
     if collapse.status == "unbounded":
         return f"{what}{way}: {blocks}"
-    return f"no collapse was found{way}: {collapse.reason}"
+    most = words.amount(collapse.upper, name) if math.isfinite(collapse.upper) else ""
+    return f"no collapse was found{way}: {collapse.reason}" + f"; at most {most}" * bool(most)
 
 
 def collapse_proof(collapse: SpatialCollapse) -> str:
@@ -227,6 +229,10 @@ def _lines(collapse: SpatialCollapse, words: Wording) -> list[Line]:
     if math.isfinite(collapse.upper):
         most = words.beside(collapse.upper, factor, collapse.sign, 1)
         lines.append(Line("nothing carries more than", most, states=True))
+    beyond = collapse.residuals.get("crushing", 0.0)
+    if beyond > SEARCH.verified:
+        text = f"a contact exceeds its strength by {beyond:.0e} of the largest load on a block"
+        lines.append(Line("crushing:", text))
     if collapse.seismic is not None:
         lines += SeismicAnswer(collapse.seismic).lines(cast(Any, collapse), words)
     return [line for line in lines if not line.verbose]
