@@ -130,12 +130,10 @@ def _joined(model: FaceModel, mode: Array) -> FaceModel | None:
     rows = model.motion[np.repeat(closed, model.shape[1])][:, order]
     first = np.repeat(ends[0, closed], model.shape[1])
     count = np.bincount(part[model.block])
-    bases = [
-        null_space(rows[first == k][:, end - size : end].toarray(), 1e-9)
-        if np.any(first == k)
-        else np.eye(size)
-        for k, (size, end) in enumerate(zip(count, np.cumsum(count), strict=True))
-    ]
+    bases = []
+    for k, end in enumerate(np.cumsum(count)):  # a row of zeros where nothing is closed
+        held = rows[first == k][:, end - count[k] : end].toarray()
+        bases.append(null_space(np.pad(held, ((1, 0), (0, 0))), SEARCH.nothing))
     motions = block_diag(bases, "csr")[np.argsort(order)]
     block = np.repeat(np.arange(len(bases)), [basis.shape[1] for basis in bases])
     loads = {name: motions.T @ getattr(model, name) for name in ("dead", "live")}

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_contact.faces.model import CARRIED
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.structure import Structure
 
-#: What a state may miss, in parts of the largest load on a block: of equilibrium and of its laws.
+#: What a state may miss, in parts of its blocks' typical loads: of equilibrium and of its laws.
 ALLOWED = {
     "equilibrium": 1e-7,
     "pressure": 1e-6,
@@ -66,7 +67,11 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     missing = missing_forces(structure, force, tension, collapse.load_factor)
     missing[:, 3:] /= structure.size
     loads = np.abs(structure.dead) + np.abs(collapse.load_factor * structure.live)
-    typical = float(loads[:, :3].max())
+    own = np.where(structure.number >= 0, loads[:, :3].max(axis=1), 0.0)
+    typical = float(own.max())
+    # As `FaceModel.sizes`: those of blocks, and of the ground; then of units.
+    sizes = np.append(np.where(own > 0.0, np.minimum(CARRIED * own, typical), typical), typical)
+    unit = np.minimum(*(sizes[block] for _, block, _ in structure.ends))[:count]
     normal = force[:, 0]
     shear = np.linalg.norm(force[:, 1:], axis=1)
     moved = relative_motions(structure, mode)
@@ -82,9 +87,9 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     closes = structure.crushes[structure.points.contact]
     penetration = float(np.max(-opening[~closes], initial=0.0))
     found = {
-        "equilibrium": float(np.abs(missing).max()) / typical,
-        "pressure": float(np.max(-normal - tensile)) / typical,
-        "friction": float(np.max(shear - cohesion - friction * normal)) / typical,
+        "equilibrium": float((np.abs(missing) / sizes[:-1][structure.number >= 0, None]).max()),
+        "pressure": float(np.max((-normal - tensile) / unit)),
+        "friction": float(np.max((shear - cohesion - friction * normal) / unit)),
         "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
         "mode_penetration": penetration / float(np.abs(moved).max()),
         "limit": abs(power / work - collapse.load_factor) / size,

@@ -67,23 +67,21 @@ def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> Non
     """Write the forces at points, if any are known, with all that recomputes their equilibrium."""
     if end.force is None or end.tension is None:
         return
-    points = structure.points
-    pairs = np.array([(contact.first, contact.second) for contact in structure.contacts])
+    count = len(end.force)
+    blocks = np.column_stack([block for _, block, _ in structure.ends])
     np.savez_compressed(
         path,
-        position=points.position,
-        axes=structure.axes[: len(points.area)],
+        **vars(structure.points),
+        axes=structure.axes[:count],
         force=end.force,
-        area=points.area,
-        contact=points.contact,
-        blocks=pairs[points.contact],
+        blocks=blocks[:count],
         names=np.array([block.name for block in structure.blocks], dtype=str),
         centroid=np.array([block.centroid for block in structure.blocks]),
         dead=structure.dead,
         live=structure.live,
         load_factor=end.load_factor,
         tie_ends=np.array([bar.tie.ends for bar in structure.bars]).reshape(-1, 2, 3),
-        tie_blocks=np.array([bar.blocks for bar in structure.bars], dtype=int).reshape(-1, 2),
+        tie_blocks=blocks[count:],
         tension=end.tension,
     )
 
