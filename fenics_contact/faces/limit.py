@@ -216,6 +216,9 @@ class FaceSearch:
         """Hand a state to the certificate; the limit with its strengths."""
         self._check_stop()
         found, limit = self._certifier.near(state, work)
+        size = self.model.size(state.load_factor)
+        if found and abs(found.load_factor - state.load_factor) > 1.01 * SEARCH.boxes[-1] * size:
+            name += ", another state"
         self._take(name, state.load_factor, found)
         return limit
 

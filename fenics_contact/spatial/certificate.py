@@ -12,20 +12,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_contact.faces.model import CARRIED
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.structure import Structure
 
-#: What a state may miss, in parts of the largest load on a block: of equilibrium and of its laws.
+#: What a state may miss, in parts of its blocks' typical loads: of equilibrium and of its laws.
 ALLOWED = {
     "equilibrium": 1e-7,
     "pressure": 1e-6,
     "friction": 1e-6,
     "ties": 1e-6,
     "mode_penetration": 1e-5,
-    "crushing": 1e-6,
+    "crushing": 1e-5,  # a limit, in which it is told above `SEARCH.verified`
 }
 
 
@@ -70,14 +71,18 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     missing[:, 3:] /= structure.size
     size = np.fmax(abs(collapse.load_factor), collapse.size)
     loads = np.abs(structure.dead) + size * np.abs(structure.live)
-    typical = float(loads[:, :3].max()) or float(np.abs(structure.live).max())
+    own = np.where(structure.number >= 0, loads[:, :3].max(axis=1), 0.0)
+    typical = float(own.max()) or float(np.abs(structure.live).max())
+    # As `FaceModel.sizes`: those of blocks, and of the ground; then of units.
+    sizes = np.append(np.where(own > 0.0, np.minimum(CARRIED * own, typical), typical), typical)
+    unit = np.minimum(*(sizes[block] for _, block, _ in structure.ends))[:count]
     normal = force[:, 0]
     shear = np.linalg.norm(force[:, 1:], axis=1)
     closes = structure.crushes[structure.points.contact]
     found = {
-        "equilibrium": float(np.abs(missing).max()) / typical,
-        "pressure": float(np.max(-normal - tensile)) / typical,
-        "friction": float(np.max(shear - cohesion - friction * normal)) / typical,
+        "equilibrium": float((np.abs(missing) / sizes[:-1][structure.number >= 0, None]).max()),
+        "pressure": float(np.max((-normal - tensile) / unit)),
+        "friction": float(np.max((shear - cohesion - friction * normal) / unit)),
         "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
     }
     if np.any(closes):

@@ -22,7 +22,7 @@ from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
@@ -137,19 +137,22 @@ def _solved(
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
     found = collapse_of(structure, sign, options.gap, check_stop)
-    if found.status != "limit":
+    if found.status not in ("limit", "not_converged"):
         return found
     model = structure.face_model(sign)
+    lower = options.lowest or options.states == "lowest"
     try:
-        if (options.lowest or options.states == "lowest") and not np.any(structure.crushes):
+        if lower and found.status == "limit" and not np.any(structure.crushes):
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
-        if not options.fast:
+        if not options.fast and not found.stopped:
             check_stop()
             tell("what nothing exceeds")
             found = _with_upper(structure, found, model)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
+    if found.status != "limit":
+        return found
     return replace(found, seismic=seismic_check(structure, found, scene))
 
 
@@ -203,15 +206,15 @@ def collapse_of(
         if not (_alike(structure, sign) and wedged()):
             state = search.run(unlimited)
         if state is not None and crushes and not unlimited():
-            found = replace(found, reason="no state was found that does not crush")
-            state = crushed_state(structure, model, state.force, asked, check_stop)
+            # Without one that does not crush, what the other one misses is told.
+            state = crushed_state(structure, model, state, asked, check_stop) or state
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
         if found.status != "limit":
             wedges = wedged() or wedged_blocks(structure, model, stressed=True)
     except (Stopped, SolverError) as end:
         stopped = str(end) * isinstance(end, Stopped)
-        if search.best is not None and not crushes:
+        if search.best is not None:
             found = as_collapse(structure, model, search.best, sign, asked)
         if found.status != "limit":
             found = replace(found, reason=f"{end}; {found.reason}")
@@ -284,7 +287,11 @@ def _with_lowest(
     instead = options.states == "lowest"
     spent = found.factorizations
     best: FaceState | None = None
-    for start in list(STARTS.values())[: None if instead else 1]:
+    corners = replace(structure, quick=True).face_model(found.sign)
+    starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
+    if not structure.quick:
+        starts.append(FaceSearch(corners, options.gap, EFFORT, check_stop))
+    for start in starts:
         search = FaceSearch(model, SEARCH.side_accuracy, EFFORT, check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations

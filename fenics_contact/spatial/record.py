@@ -157,7 +157,8 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     """What was solved."""
     structure = result.structure
     moving = [block for block in structure.blocks if not block.fixed]
-    areas = {law.key: structure.areas_of(law.key) for law in structure.laws}
+    keys = dict.fromkeys(law.key for law in structure.laws)
+    areas = {key: structure.areas_of(key) for key in keys}
     volumes: dict[str, list[float]] = {block.group: [] for block in moving}
     for block in moving:
         volumes[block.group].append(block.volume)

@@ -18,6 +18,7 @@ from fenics_contact.results.result import NOT_KNOWN, ByDirection
 from fenics_contact.results.values import NAMED
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
 
 #: What forces at the corners of contacts leave out.
@@ -36,7 +37,7 @@ class SpatialCollapse:
         size: Of the load factor, by which gaps are divided: 1 % of a typical one at least.
         upper: Nothing carries more with any friction forces; infinite where nothing is known.
         mode: Motions of all blocks in the collapse: velocities of centroids and rotations, shape
-            (blocks, 6), scaled to a largest velocity of 1; None without a limit.
+            (blocks, 6), scaled to a largest velocity of a corner of 1; None without a limit.
         force: Forces of the points along their contact's axes, N, shape (points, 3).
         tension: Of the bars, N, shape (bars,).
         lowest: Load factor of the lowest collapse state found; nan where none was looked for.
@@ -213,7 +214,8 @@ def _without_limit(name: str, collapse: SpatialCollapse, words: Wording) -> str:
     if collapse.status == "unbounded":
         what, _, blocks = collapse.reason.partition(": ")
         return f"{what}{way}: {blocks}"
-    return f"no collapse was found{way}: {collapse.reason}"
+    most = words.amount(collapse.upper, name) if math.isfinite(collapse.upper) else ""
+    return f"no collapse was found{way}: {collapse.reason}" + f"; at most {most}" * bool(most)
 
 
 def collapse_proof(collapse: SpatialCollapse) -> str:
@@ -235,6 +237,10 @@ def _lines(collapse: SpatialCollapse, words: Wording, structure: Structure) -> l
     elif collapse.falling:
         blocks = named(structure, collapse.falling, "wedge")
         lines.append(Line("no load is excluded:", blocks, states=True))
+    beyond = collapse.residuals.get("crushing", 0.0)
+    if beyond > SEARCH.verified:
+        text = f"a contact exceeds its strength by {beyond:.0e} of the largest load on a block"
+        lines.append(Line("crushing:", text))
     if collapse.seismic is not None:
         lines += SeismicAnswer(collapse.seismic).lines(cast(Any, collapse), words)
     return [line for line in lines if not line.verbose]

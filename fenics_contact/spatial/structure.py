@@ -14,7 +14,7 @@ from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.loads import Acting, Bar
 from fenics_contact.spatial.points import points_of
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.spatial.polyhedra import TINY, Block
 
 #: Shear stiffness of a face, in parts of its normal stiffness.
 SHEAR = 0.4
@@ -197,12 +197,17 @@ class Structure:
     def mode(self, motion: Array) -> Array:
         """Motions of all blocks, shape (blocks, 6), that go with generalised ones.
 
-        Scaled to a largest velocity of 1.
+        Scaled to a largest velocity of a corner of 1.
         """
         mode = np.zeros((len(self.blocks), 6))
         mode[self.number >= 0] = motion.reshape(-1, 6)
         mode[:, 3:] /= self.size
-        return np.asarray(mode / np.linalg.norm(mode[:, :3], axis=1).max(initial=1e-300))
+        fastest = TINY
+        for block, (*velocity, p, q, r) in zip(self.blocks, mode.tolist(), strict=True):
+            for piece in block.pieces if not block.fixed else ():
+                turned = np.cross([p, q, r], piece.corners - block.centroid)
+                fastest = max(fastest, float(np.linalg.norm(velocity + turned, axis=1).max()))
+        return mode / fastest
 
     @cached_property
     def given_force(self) -> Array:
@@ -258,4 +263,5 @@ class Structure:
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
             components=3,
+            block=np.repeat(np.arange(motion.shape[1] // 6), 6),
         )
