@@ -64,7 +64,7 @@ def associative_end(model: FaceModel) -> float | None:
         nonlocal end, stands
         stands = stands or iterate.missing <= 10.0 * SEARCH.exact_state
         work = float(model.live @ iterate.motion)
-        if work <= 0.0:
+        if not work > 0.0:
             return False
         mode = iterate.motion / work
         _, opening = _least_opening(model, mode)

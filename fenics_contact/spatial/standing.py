@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from fenics_contact.errors import SolverError
+from fenics_contact.faces.kernel import Iterate
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
@@ -42,9 +43,9 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
     nothing = SpatialCollapse(given=load_factor, attempts=(tried,))
     if fall := falling(structure, model, load_factor):
         return _fallen(structure, nothing, fall, "")
-    state = state_under(model, 0.0)  # what only the live load holds falls before
+    state = _from_rest(model, 0.0)  # what only the live load holds falls before
     if state is not None and load_factor:
-        state = state_under(model, load_factor)
+        state = _from_rest(model, load_factor)
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
     nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
@@ -56,6 +57,14 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
                 return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
             return _held_against(structure, nothing, force)
     return found
+
+
+def _from_rest(model: FaceModel, load_factor: float) -> Iterate | None:
+    """The state under loads from rest; from ground that has not moved, if there is none else."""
+    state = state_under(model, load_factor)
+    if state is None and model.offset is not None:
+        state = state_under(replace(model, offset=None), load_factor)
+    return state
 
 
 def _fallen(
