@@ -46,6 +46,8 @@ class FaceModel:
             (units, m): of ground that has moved; None for 0.
         components: Of the vectors that generalised forces consist of: their lengths, which do not
             change with the axes, are the sizes of forces.
+        weights: The part of f_D that is no force given to bonds and ties, shape (motions,): it says
+            which load factors are small; None: all of f_D.
         block: Number of the block of every motion, shape (motions,); None: all are as of one.
     """
 
@@ -60,6 +62,7 @@ class FaceModel:
     kappa: Array
     offset: Array | None = None
     components: int = 1
+    weights: Array | None = None
     block: Indices | None = None
 
     @property
@@ -107,7 +110,8 @@ class FaceModel:
 
     def size(self, load_factor: float) -> float:
         """That of a load factor, by which gaps are divided: 1 % of a typical one at least."""
-        return max(abs(load_factor), 1e-2 * self.force / self.load)
+        force = self.force if self.weights is None else self._largest(self.weights) or self.load
+        return max(abs(load_factor), 1e-2 * force / self.load)
 
     @cached_property
     def tensile(self) -> Array:

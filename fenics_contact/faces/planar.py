@@ -67,9 +67,9 @@ class PlanarFaces:
         strength = _strengths(layout, faces, length)
         limited = np.isfinite(strength)
         safe = np.where(limited, strength, 1.0) * np.where(limited, length, 1.0)
-        dead, live = (
+        dead, live, weights = (
             np.einsum("bmk,bm->bk", bodies.free, load).ravel()[used]
-            for load in (bodies.dead, bodies.live)
+            for load in (bodies.dead, bodies.live, layout.bodies.dead)
         )
         model = FaceModel(
             motion,

@@ -167,7 +167,8 @@ def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) 
         return found
     if above <= found.gap + SEARCH.agrees:
         lower = replace(found, load_factor=found.upper)
-        return replace(lower, residuals=residuals_of(structure, lower))
+        residuals = residuals_of(structure, lower)
+        return replace(lower, residuals=residuals, gap=max(found.gap, residuals["limit"]))
     reason = f"the best state, {found.load_factor:.6g}, is above {found.upper:.6g}, a proved end"
     return replace(found, status="not_converged", reason=reason)
 

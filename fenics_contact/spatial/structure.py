@@ -251,10 +251,11 @@ class Structure:
             moved = self.young * self.moved * np.repeat([1.0, self.size], 3)
             offset += np.asarray(self._motions @ moved.ravel()).reshape(offset.shape)
         motion = self.relative_motion()
+        weights = self.generalised(self.dead)
         return FaceModel(
             motion=motion,
             pressing=1,
-            dead=self.generalised(self.dead) + np.asarray(motion.T @ self.given_force.ravel()),
+            dead=weights + np.asarray(motion.T @ self.given_force.ravel()),
             live=sign * self.generalised(self.live),
             strength=np.maximum(strength, 0.0),
             friction=friction,
@@ -263,5 +264,6 @@ class Structure:
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
             components=3,
+            weights=weights,
             block=np.repeat(np.arange(motion.shape[1] // 6), 6),
         )
