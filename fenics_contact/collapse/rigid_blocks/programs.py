@@ -184,9 +184,8 @@ class RigidBlocks:
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
         if self._bracket is not None:
-            with suppress(SolverError):  # its process has ended
-                return self._bracket.result().upper if self._bracket.done() else None
-            return None
+            known = self._bracket.done() and self._bracket.exception() is None  # nor was it lost
+            return self._bracket.result().upper if known else None
         return self._upper if "_upper" in vars(self) or not self.model.is_large else None
 
     def stands(self) -> bool:
