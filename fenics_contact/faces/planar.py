@@ -81,6 +81,7 @@ class PlanarFaces:
             faces.law.dilatancy,
             _compliance(layout, faces, length),
             np.where(limited, 0.5 / safe, 0.0),
+            weights=weights,
             block=np.repeat(np.arange(len(bodies.dead)), 3)[used],
         )
         return cls(model, faces, joints, bodies, used, strength)

@@ -274,6 +274,8 @@ def state_alone(model: FaceModel) -> Iterate | None:
     it: all conditions are homogeneous, and every multiple of a state is one.
     """
     kept = model.of_units(model.kappa == 0.0)
+    if not kept.shape[0]:
+        return None
     nothing = {"dead": np.zeros_like(model.dead), "strength": np.zeros(len(kept.strength))}
     return state_under(replace(kept, **nothing), 1.0)
 

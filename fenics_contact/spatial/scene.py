@@ -516,11 +516,17 @@ def blocks_of_table(
     if isinstance(up := table.get("up"), str):
         require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
         order, signs = UPWARDS[up]
-        blocks = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
+        blocks, read, notes = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
         turned = [
-            [Polyhedron(p.corners[:, order] * signs, p.sides) for p in b.pieces] for b in blocks
+            replace(
+                block,
+                pieces=tuple(
+                    Polyhedron(p.corners[:, order] * signs, p.sides) for p in block.pieces
+                ),
+            )
+            for block in blocks
         ]
-        return tuple(replace(b, pieces=tuple(p)) for b, p in zip(blocks, turned, strict=True))
+        return tuple(turned), read, notes
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
     shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
