@@ -132,12 +132,13 @@ def _joined(model: FaceModel, mode: Array) -> FaceModel | None:
     count = np.bincount(part[model.block])
     bases = []
     for k, end in enumerate(np.cumsum(count)):  # a row of zeros where nothing is closed
-        held = rows[first == k][:, end - count[k] : end].toarray()
-        bases.append(null_space(np.pad(held, ((1, 0), (0, 0))), SEARCH.nothing))
+        held = np.pad(rows[first == k][:, end - count[k] : end].toarray(), ((1, 0), (0, 0)))
+        bases.append(null_space(held, SEARCH.nothing) if count[k] else np.zeros((0, 0)))
     motions = block_diag(bases, "csr")[np.argsort(order)]
     block = np.repeat(np.arange(len(bases)), [basis.shape[1] for basis in bases])
     loads = {name: motions.T @ getattr(model, name) for name in ("dead", "live")}
-    return replace(kept, motion=kept.motion @ motions, components=1, block=block, **loads)
+    alone = replace(kept, weights=None, motion=kept.motion @ motions, components=1, block=block)
+    return replace(alone, **loads)
 
 
 def proved_end(model: FaceModel, mode: Array) -> float | None:
