@@ -153,9 +153,8 @@ def _solved(
             found = replace(found, upper=np.inf if end is None else sign * end)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
-    if found.status != "limit":
-        return found
-    return replace(found, seismic=seismic_check(structure, found, scene))
+    check = seismic_check(structure, found, scene) if found.status == "limit" else None
+    return replace(found, seismic=check)
 
 
 def collapse_of(
