@@ -76,11 +76,9 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        least = max(SEARCH.moves * elastic.gap, SEARCH.gap)
-        box, *wider = (
-            (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
-            for moves in (least, *(part for part in SEARCH.boxes if part > least))
-        )
+        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap), *SEARCH.boxes
+        middle = elastic.load_factor
+        boxes = [(middle - part * size, middle + part * size) for part in moves]
         start = replace(
             elastic,
             motion=elastic.motion / work,
@@ -94,9 +92,9 @@ class Certifier:
         if exact is not None and exact.gap < SEARCH.agrees:
             return exact, mode.load_factor
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
-        state = self.least_gap(elastic, mode.motion, mu, box)
-        for wide in (*wider, None):
-            state = state or self.least_gap(None, mode.motion, box=wide)
+        state = self.least_gap(elastic, mode.motion, mu, boxes[0])
+        for box in (*boxes[1:], None):
+            state = state or self.least_gap(None, mode.motion, box=box)
         return state, mode.load_factor
 
     def of(self, force: Array) -> FaceState | None:

@@ -133,8 +133,8 @@ class FaceModel:
     def of_units(self, kept: Flags) -> FaceModel:
         """The model with some of its units alone."""
         names = "strength", "friction", "dilatancy", "compliance", "kappa", "offset"
-        every = {name: getattr(self, name) for name in names}
-        values: dict[str, Any] = {k: v if v is None else v[kept] for k, v in every.items()}
+        every = ((name, getattr(self, name)) for name in names)
+        values: dict[str, Any] = {k: v if v is None else v[kept] for k, v in every}
         return replace(self, motion=self.motion[np.repeat(kept, self.shape[1])], **values)
 
     @property

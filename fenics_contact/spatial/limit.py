@@ -151,9 +151,8 @@ def _solved(
             found = _with_upper(structure, found, model)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
-    if found.status != "limit":
-        return found
-    return replace(found, seismic=seismic_check(structure, found, scene))
+    check = seismic_check(structure, found, scene) if found.status == "limit" else None
+    return replace(found, seismic=check)
 
 
 def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) -> SpatialCollapse:

@@ -157,8 +157,7 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     """What was solved."""
     structure = result.structure
     moving = [block for block in structure.blocks if not block.fixed]
-    keys = dict.fromkeys(law.key for law in structure.laws)
-    areas = {key: structure.areas_of(key) for key in keys}
+    areas = {k: structure.areas_of(k) for k in dict.fromkeys(law.key for law in structure.laws)}
     volumes: dict[str, list[float]] = {block.group: [] for block in moving}
     for block in moving:
         volumes[block.group].append(block.volume)
