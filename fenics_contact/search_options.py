@@ -145,7 +145,9 @@ class SearchOptions:
     #: Products that are as good as nothing, in units of the typical force and displacement.
     follow_products: float = 1e-7
     #: Cosine of tangents from which on the path goes straight on: det A changes sign at branches.
-    follow_straight: float = 0.5
+    follow_straight: float = 0.1
+    #: Places that the path goes back where it is lost, to go on in short steps.
+    follow_back: int = 5
     #: Longest step, in relative changes of p and q; what is left of one that leads to nothing.
     follow_longest: float = 1.5
     follow_shorter: float = 0.4

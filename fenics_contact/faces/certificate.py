@@ -89,7 +89,7 @@ class Certifier:
         if mode is None:
             return None, np.nan
         exact = self.state(elastic, mode.motion)
-        if exact is not None and exact.gap < SEARCH.agrees:
+        if exact is not None and abs(exact.gap) < SEARCH.agrees:
             return exact, mode.load_factor
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, boxes[0])

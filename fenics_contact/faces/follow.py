@@ -361,18 +361,25 @@ class LoadingPath:
         motion = work * self.unit / self._response.work * self._response.live
         return self._corrected(Place(units, motion, 0.0), work * self.unit, 100, 0.1)
 
-    def points(self, at: Place, works: float, length: float = 0.3) -> Iterator[Place]:
-        """Places of the path from one on, in order, until a work.
+    def points(
+        self, at: Place, works: float, length: float = 0.3, before: Array | None = None
+    ) -> Iterator[Place]:
+        """Places of the path after one, in order, until a work.
+
+        Args:
+            at: Where to begin.
+            works: In units of `unit`.
+            length: Of the first step.
+            before: Change of p and q until there; None: load factors rise at first.
 
         Raises:
             SolverError: If the path is lost, or needs too many factorisations.
         """
         end = works * self.unit
         turned = 1.0
-        before: Array | None = None
         _, tangent, sign = self._newton(at)
+        turned = sign if before is None else 1.0
         while True:
-            yield at
             weights = self._sizes(at.units) ** -2
             ahead = turned * sign
             if before is not None:
@@ -402,7 +409,30 @@ class LoadingPath:
                     raise SolverError(f"the path is lost at load factor {at.load_factor:.6g}")
             before = ahead * tangent.units
             at, tangent, sign, rounds = found
+            yield at
             length = min(SEARCH.follow_longest, length * (2.0, 2.0, 1.3, 0.8, 0.8, 0.8)[rounds])
+
+    def followed(self) -> list[Place]:
+        """Places of the path from its start to its end; in short steps from where it is lost.
+
+        Raises:
+            SolverError: If it comes to no end.
+        """
+        places = [self.start()]
+        try:
+            for place in self.points(places[0], SEARCH.follow_works):
+                places.append(place)
+        except TooLong:
+            raise
+        except SolverError:
+            if len(places) <= SEARCH.follow_back:
+                raise
+            self._way = replace(self._way, least=0.1 * self._way.least, close=0.3 * self._way.close)
+            places = places[: -SEARCH.follow_back + 1]
+            before = places[-1].units - places[-2].units
+            for place in self.points(places[-1], SEARCH.follow_works, 0.1, before):
+                places.append(place)
+        return places
 
     def _across(self, at: Place, across: Array) -> tuple[Place, Place, float, int]:
         """The place of the path in the plane across its tangent, its tangent, and corrections.
@@ -470,15 +500,8 @@ class Way:
     close: float = 3e-2
 
 
-#: Ways, the usual one first: it is coarse; then one that takes shorter steps. Other starts, and
-#: larger products, lead to an end where these lead to none.
-WAYS = (
-    Way(1e-3),
-    Way(1e-3, None, 3e-3, 1e-2),
-    Way(1e-3, 1.0),
-    Way(1e-2, 3.0),
-    Way(1e-2),
-)
+#: Ways, the usual one first. Smaller products, and other starts, lead to an end where it does not.
+WAYS = (Way(1e-2), Way(1e-3), Way(1e-3, 1.0))
 
 
 @dataclass(frozen=True)
@@ -518,7 +541,7 @@ def followed(
         path = LoadingPath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
-                places = list(path.points(path.start(), SEARCH.follow_works))
+                places = path.followed()
                 end = path.settled(places[-1], SEARCH.follow_products, path.work(places[-1]))
         except SolverError as error:
             reasons.append(str(error))
