@@ -3,7 +3,7 @@
     python3 benchmarks/verification.py                      # tables, as on the page: minutes
     python3 benchmarks/verification.py --pictures docs      # and its pictures
 
-Units are SI. The problems are planar; forces are per metre of thickness.
+Units are SI. The problems but public examples are planar; forces are per metre of thickness.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from benchmarks.curved_bodies import (
 )
 from benchmarks.known_answers import Array, Figure, Profile, mesh_of
 from benchmarks.manufactured import THEORY, errors
+from benchmarks.public_cases import rows as public_rows
 from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons, wall
@@ -242,6 +243,7 @@ def order_rows(matching: Curves, other: Curves) -> Iterator[str]:
 # ---- tables and pictures
 
 FIGURES_HEAD = "| | known | found | difference | asked |\n|---|---|---|---|---|"
+PUBLIC_HEAD = "| problem | known | here |\n|---|---|---|"
 ORDERS_HEAD = (
     "| degree | error of | theory | nodes match | others | coarsest | finest |"
     "\n|---|---|---|---|---|---|---|"
@@ -337,12 +339,14 @@ def main() -> int:
         print(f"\n## {title}\n\n{FIGURES_HEAD}", *(one.row() for one in figures), sep="\n")
     rows = list(order_rows(curves, others))
     print(f"\n## Orders of convergence\n\n{ORDERS_HEAD}", *rows, sep="\n")
+    public = list(public_rows())
+    print(f"\n## Public examples\n\n{PUBLIC_HEAD}", *public, sep="\n")
     if folder:
         save(folder, "curved", draw_curved, cylinder, pair)
         save(folder, "friction", draw_friction, bar, pressed)
         save(folder, "orders", draw_orders, curves, height=5.6)
     missed = [one for figures in tables.values() for one in figures if not one.passed]
-    return int(bool(missed) or any("missed" in row for row in rows))
+    return int(bool(missed) or any("missed" in row for row in [*rows, *public]))
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from fenics_contact.results.values import (
     soil_forces,
     tie_arrays,
 )
-from fenics_contact.results.wording import Line, Wording
+from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.scene import Bar, JointLaw
 from fenics_contact.scene.units import Units
 
@@ -198,7 +198,7 @@ def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
         The collapse, or why none is known; other states, ranges, and what else was asked.
     """
     if result.status == "unstable":
-        return [f"it does not stand under its dead load: {result.reason().partition(': ')[2]}"], []
+        return [state_in_words("unstable", DEAD, result.reason(), proved=True)], []
     limits = result.limits
     amounts: dict[str, list[str]] = {}
     for name, end in limits.items():
@@ -241,8 +241,7 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
     because = "; ".join(part for part in clauses if not part.startswith("try "))
     because += ": " if because else ""
     if end.status == "no_equilibrium":
-        text = "no equilibrium was found under its dead load, which is no proof that there is none"
-        return f"{because}{text}"
+        return f"{because}{state_in_words(end.status, DEAD, '', proved=False)}"
     parts = [f"{because}no collapse was found{way}"]
     known = end.bounds.lower, end.bounds.upper
     if not end.changes_blocks and any(one is not None and math.isfinite(one) for one in known):
@@ -250,8 +249,9 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
             None if one is None or math.isinf(one) else words.number(one, end.sign)
             for one in known[:: 1 if end.sign > 0.0 else -1]
         ]
-        ends = [None if end.bounds.meet else ends[0], ends[1]]
-        parts.append(f"it is {LimitBounds(*ends).told('{:.3g}'.format)} {words.unit}")
+        told = LimitBounds(*ends).told("{:.3g}".format)
+        told = f"all collapse states are at {ends[1]:.4g}" if end.bounds.meet else f"it is {told}"
+        parts.append(f"{told} {words.unit}")
     return "; ".join([*parts, *(part for part in clauses if part.startswith("try "))])
 
 

@@ -42,7 +42,7 @@ from fenics_contact.results.values import (
     soil_forces,
     tie_arrays,
 )
-from fenics_contact.results.wording import wording_of
+from fenics_contact.results.wording import DEAD, state_in_words, wording_of
 from fenics_contact.scene.scene import Scene
 
 #: What is said of a state that the forces of faces give.
@@ -105,18 +105,8 @@ class Equilibrium(ServiceState, Pictured):
             verbose: With verification, joints that open or slide, work and time.
         """
         words = wording_of(self.layout)
-        at = "under its dead load"
-        if self.load_factor:
-            at = f"at {words.at(self.load_factor)}"
-        if self.status == "equilibrium":
-            lines = [f"it stands {at} (verified)"]
-        elif self.status == "not_converged":
-            lines = [f"not known whether it stands {at}: {self.reason}"]
-        elif not self.proved:
-            lines = [f"no equilibrium was found {at}, which is no proof that there is none"]
-        else:
-            blocks = self.reason.partition(": ")[2] if self.fall is not None else ""
-            lines = [f"it does not stand {at}{f': {blocks}' * bool(blocks)}"]
+        at = f"at {words.at(self.load_factor)}" if self.load_factor else DEAD
+        lines = [state_in_words(self.status, at, self.reason, self.proved)]
         if self.joint_values is not None:
             held = tension_lines(self.ties, words.units)
             held += soil_lines(soil_forces(self.layout, self.joint_values), words.units)

@@ -25,9 +25,6 @@ from typing import (
     get_type_hints,
 )
 
-import numpy as np
-import numpy.typing as npt
-
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -197,7 +194,9 @@ def check_type(key: str, value: Any, kind: Any) -> None:
     Raises:
         InputError: The message has the key and what it must be.
     """
-    is_array = kind == npt.ArrayLike or get_origin(kind) is np.ndarray
+    import numpy as np  # not installed, perhaps, where this module is imported
+
+    is_array = kind == np.typing.ArrayLike or get_origin(kind) is np.ndarray
     if isinstance(value, np.generic):
         value = value.item()
     kind = kind if is_array else kind_of(value, kind)
@@ -258,6 +257,8 @@ def check_type(key: str, value: Any, kind: Any) -> None:
 
 def shown(value: Any) -> str:
     """A value as text, as far as there is room for it."""
+    import numpy as np
+
     if isinstance(value, np.ndarray):
         value = value.tolist()
     try:

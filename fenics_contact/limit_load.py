@@ -466,7 +466,7 @@ def _collapse(
         end = replace(end, joints=end.joints and least_forces(case.discretization, end.joints))
     if end.status == "limit" and end.joints is not None:
         turned = turn_in(whole.joints.without_ties(), end.joints.normal_force)
-        pressed = pressed_too_much(whole.scene, whole.joints, end.joints.normal_force)
+        pressed = pressed_too_much(whole.joints, end.joints.normal_force)
         end = replace(end, rolling=turned, pressed=pressed)
     if effort.watch.reason:  # as far as it is known without a long program
         so_far = LimitBounds(lower, case.blocks.limit_so_far(), lower)

@@ -1,4 +1,4 @@
-"""Programs that this package needs and pip does not install, and the ways to them."""
+"""Programs that this package needs, those that pip does not install, and the ways to them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from importlib.util import find_spec
 
 #: Modules without which nothing is solved; gmsh is needed for most meshes only.
 NEEDED = ("dolfinx", "petsc4py", "mpi4py")
+
+#: The same that pip installs.
+BY_PIP = ("numpy", "scipy", "matplotlib", "shapely")
 
 #: Ways to these modules, for people.
 WAYS = """\
@@ -23,12 +26,14 @@ GMSH_WAYS = "apt install python3-gmsh, conda install python-gmsh or pip install 
 
 def missing_requirements() -> str:
     """Message with the needed modules that are not installed and the ways to them; else empty."""
-    names = [name for name in NEEDED if find_spec(name) is None]
-    if not names:
-        return ""
-    listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-    lacks = "is" if len(names) == 1 else "are"
-    return f"{listed} {lacks} not installed (FEniCSx), and pip does not install them. Ways:\n{WAYS}"
+    texts = []
+    by_pip = f"(pip install {' '.join(BY_PIP)})"
+    by_other_ways = f"(FEniCSx), and pip does not install them. Ways:\n{WAYS}"
+    for needed, cure in ((BY_PIP, by_pip), (NEEDED, by_other_ways)):
+        if names := [name for name in needed if find_spec(name) is None]:
+            listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+            texts.append(f"{listed} {'is' if len(names) == 1 else 'are'} not installed {cure}")
+    return "; ".join(texts)
 
 
 def check_requirements() -> None:

@@ -136,6 +136,8 @@ class SearchOptions:
     part_gap: float = 3e-2
     #: Part of the elastic state's gap by which the load factor may move.
     moves: float = 0.3
+    #: and how far, relative, where no state is found so near; one farther away is another's.
+    boxes: tuple[float, float] = (1e-2, 3e-2)
 
     # ---- loading path by face forces (faces/follow)
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.

@@ -7,6 +7,7 @@ digits that it has when everything is done here. No worker waits by spinning.
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
@@ -24,6 +25,8 @@ from fenics_contact.errors import SolverError, Stopped
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+_log = logging.getLogger("fenics_contact")
 
 #: Signals that end a run early, with what is known by then.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
@@ -83,6 +86,18 @@ def check_asked_to_stop() -> None:
         raise Stopped(reason)
 
 
+class LostError(SolverError):
+    """A process ended before the answer to its task, which may be done elsewhere.
+
+    Attributes:
+        task: Function and arguments, pickled.
+    """
+
+    def __init__(self, message: str, task: bytes) -> None:
+        super().__init__(message)
+        self.task = task
+
+
 class InPlace(Executor):
     """Does every task in this process, once its result is asked for."""
 
@@ -129,7 +144,8 @@ class Processes(Executor):
         self._busy: set[subprocess.Popen[bytes]] = set()
         for _ in range(count):
             read, write = os.pipe()  # what a task prints is no answer
-            program = f"from {__name__} import answer; answer({write})"
+            ends = "from fenics_contact.solvers.highs import end_with_parent; end_with_parent()"
+            program = f"{ends}; from {__name__} import answer; answer({write})"
             # A worker that still begins is not killed by a signal that asks it to end its task.
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
             worker = subprocess.Popen(
@@ -143,10 +159,12 @@ class Processes(Executor):
             os.close(write)
             self._workers.append((worker, os.fdopen(read, "rb")))
             self._free.put(self._workers[-1])
-        self._threads = ThreadPoolExecutor(count)
+        # A process that has ended is an error of writing to it; PETSc would end this one, too.
+        block = signal.SIG_BLOCK, {signal.SIGPIPE}
+        self._threads = ThreadPoolExecutor(count, "", signal.pthread_sigmask, block)
 
     def submit(self, task: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The result to come; it raises `SolverError` if its process ends early."""
+        """The result to come; it raises `LostError` if its process ends early."""
         return self._threads.submit(self._answer, pickle.dumps((task, args, kwargs)))
 
     def _answer(self, task: bytes) -> Any:
@@ -158,10 +176,15 @@ class Processes(Executor):
             value, error = pickle.load(answers)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
             code = worker.wait()
-            raise SolverError(f"a process beside this one ended early (exit code {code})") from None
+            with suppress(OSError):
+                worker.stdin.close()
+            why = f"a process beside this one ended early (exit code {code})"
+            raise LostError(why, task) from None
         finally:
             self._busy.discard(worker)
-            self._free.put((worker, answers))
+            # One that has ended takes no task from those that go on.
+            if worker.poll() is None or all(one.poll() is not None for one, _ in self._workers):
+                self._free.put((worker, answers))
         if error is not None:
             raise error
         return value
@@ -215,7 +238,10 @@ def ranks_of(beside: Executor | None) -> int:
 
 
 def result_of(future: Future[Any], check_stop: Callable[[], None]) -> Any:
-    """The result of a task; what `check_stop` raises meanwhile, or the task."""
+    """The result of a task; what `check_stop` raises meanwhile, or the task.
+
+    One whose process has ended, for want of memory for instance, is done here.
+    """
     while True:
         try:
             return future.result(PAUSE)
@@ -223,6 +249,10 @@ def result_of(future: Future[Any], check_stop: Callable[[], None]) -> Any:
             if future.done():  # the task's own
                 raise
             check_stop()
+        except LostError as lost:
+            _log.warning("warning: %s; its task is done here", lost)
+            task, arguments, named = pickle.loads(lost.task)
+            return task(*arguments, **named)
 
 
 def last_result_of(future: Future[Any], beside: Executor) -> Any:

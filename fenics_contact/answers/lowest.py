@@ -25,7 +25,7 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
-from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
@@ -126,6 +126,19 @@ class LowestAnswer(Asked):
                 found_by = {"attempts": end.attempts, "trace": end.trace}
                 end = replace(collapse, searched=SEARCHED, **found_by)
         return cls(told), replace(end, states=known)
+
+    def in_bracket(self, end: Collapse) -> Answer:
+        """The lowest state moved into the bracket, by its gap; none if it is the collapse then."""
+        bounds = end.bounds
+        if self.value.status != "lower" or not end.in_bracket:
+            return self
+        least = -np.inf if bounds.lower is None else bounds.lower
+        most = np.inf if bounds.upper is None else bounds.upper
+        factor = float(np.clip(self.value.load_factor, least, most))
+        status, gap = "lower", self.value.gap
+        if abs(factor - end.load_factor) <= SEARCH.higher * end.size:
+            status, factor, gap = "none", end.load_factor, end.as_state.gap
+        return replace(self, value=replace(self.value, status=status, load_factor=factor, gap=gap))
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Whether a lower collapse state was found, and all states where several are known."""

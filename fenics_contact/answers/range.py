@@ -103,7 +103,7 @@ class RangeAnswer(Asked):
         lower, upper = case.problem.comm.bcast(found)
         near = max(10.0 * MEET, question.options.tolerance) * end.size  # digits of the state
         if not lower - near <= end.load_factor <= upper + near:
-            return cls.not_known("no forces of rigid blocks fit what the joints do there"), end
+            return cls.not_known("joints move as no exact state does, within its gap"), end
         ends = LimitBounds(min(lower, end.load_factor), max(upper, end.load_factor))
         return cls(MechanismRange("known", ends)), end
 
@@ -140,6 +140,9 @@ class RangeAnswer(Asked):
         found = [Line("this mechanism:", told, verbose=True)]
         if self.value.limits:
             stays = " while this mechanism stays"
+            points = end.hinges.points if end.hinges else math.nan
+            if points < (self.value.lower or -math.inf) or points > (self.value.upper or math.inf):
+                stays += "; with shorter hinges another mechanism"
             found.append(Line("mesh and stiffness:", self._ends(end, words), stays))
         return found
 

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import os
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -169,12 +170,17 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     folder = _output_folder(options, comm, "_sweep")
     family = Family((options.scene, tuple(options.overrides)), comm)
     tell = SweepProgress() if loud else None
+    alone = MPI.COMM_WORLD.size == 1  # mpirun ends its ranks itself
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if alone else None
     try:
         found = run_sweep(family, parameters, folder, beside, tell)
     except KeyboardInterrupt:
         if loud:
             print(f"stopped; what is in {folder} is kept: the same command goes on", flush=True)
         raise
+    finally:
+        if alone:
+            signal.signal(signal.SIGTERM, before)
     if loud:
         lines = [repr(found)[1:-1], f"written to {folder}", _next("report", folder)]
         print("\n".join(lines), flush=True)

@@ -138,8 +138,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     trials: list[Trial] = []
     for attempt in attempts:  # their factorisations are those of small systems
         near = bool(np.isfinite(attempt.gap))
-        outcome = f"a state with gap {attempt.gap:.1e}" if near else "no state"
-        trials.append(Trial(f"faces: {attempt.name}", np.nan, outcome, near, 0, 0.0))
+        trials.append(Trial(f"faces: {attempt.name}", np.nan, attempt.outcome, near, 0, 0.0))
     record = case.record.attempts
     first = 0 if search is not None else len(record)  # it was begun before all others
     record[first:first] = trials
@@ -192,13 +191,13 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         certificate,
         reason="" if certificate.passed else misses,
         engine="faces",
-        gap=state.gap,
+        gap=abs(state.gap),
         asked=asked,
     )
     if not case.blocks.has_strength:
         return end
     inside = f"{end.inside} and the compressive strengths"
-    return replace(end.with_answer(CrushingAnswer(_at_strength(faces, state.force))), inside=inside)
+    return replace(end.with_answer(CrushingAnswer(_at_strength(faces, state))), inside=inside)
 
 
 def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:
@@ -209,10 +208,17 @@ def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor
     right = problem.dead + load_factor * problem.live + problem.joint_forces(pressure, shear)
     spring = np.full(problem.points, SEARCH.sliding_spring * case.stiffness.mean_diagonal)
     factor = case.stiffness.factor(spring, spring)
-    u = factor.solve(right)
-    for _ in range(2):  # without the springs' forces: twice, where blocks are 1000 times as stiff
-        u = u + factor.solve(right - problem.stiffness @ u)
-    return problem.state(u, load_factor, pressure, shear)
+    u, elastic, missing = np.zeros_like(right), np.zeros_like(right), right
+    misses = [np.inf, problem.max(np.abs(right))]
+    # Without the springs' forces, and without those that rounding makes where glued blocks turn.
+    while SEARCH.exact_state * misses[1] < misses[-1] < 0.5 * misses[-2]:
+        change = factor.solve(missing)
+        u = u + change
+        elastic = elastic + problem.elastic_part(change)
+        missing = right - problem.stiffness @ elastic
+        misses.append(problem.max(np.abs(missing)))
+    work = problem.dot(problem.live, u)
+    return State(u, elastic, load_factor, pressure, shear, work)
 
 
 def force_residuals(
@@ -236,17 +242,23 @@ def force_residuals(
     return residuals
 
 
-def _at_strength(faces: PlanarFaces, force: Array) -> tuple[PlaceAtStrength, ...]:
-    """Ends of faces at their strength, the longest blocks of pressure first."""
-    model = faces.model
+def _at_strength(faces: PlanarFaces, state: FaceState) -> tuple[PlaceAtStrength, ...]:
+    """Ends of faces at their strength, the longest blocks of pressure first.
+
+    Little of it is left in the state, or, within the state's gap, the mode closes the face there.
+    """
+    model, force = faces.model, state.force
     normal = model.normal(force)
     left = force[:, :2] - (model.kappa * normal**2)[:, None]
+    opening = model.relative(state.mode)[:, :2]
     at_strength = (model.kappa > 0.0) & (normal > SEARCH.verified * normal.max(initial=0.0))
+    # Where little is left at one end, the block of pressure is at the other one.
+    crushes = left[:, ::-1] <= SEARCH.slight * normal[:, None]
+    crushes |= opening < -SEARCH.slight * np.abs(opening).max(initial=0.0)
     joints = faces.joints
     places = []
-    # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
-        point = faces.faces.ends[face, 1 - end]
+    for face, end in np.argwhere(at_strength[:, None] & crushes):
+        point = faces.faces.ends[face, end]
         length = float(normal[face] / faces.compressive_strength[face])
         x, y = map(float, joints.position[point])
         group = joints.names[joints.law[point]]

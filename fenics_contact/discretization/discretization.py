@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.discretization.contacts import glued_blocks
@@ -40,6 +39,7 @@ from fenics_contact.discretization.warnings import warnings_on
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.scene.scene import Scene
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
@@ -183,18 +183,23 @@ class Discretization(Layout, Closing):
         PETSc.garbage_cleanup(self.scene.comm)
 
     def check_pushed(self, bodies: Flags | None = None) -> None:
-        """Raise `InputError` if the live load pushes none of some bodies.
+        """Raise `InputError` if the live load pushes none of some bodies, or a load cancels there.
 
         By default of those that supports do not hold.
         """
         bodies = self.bodies.floating if bodies is None else bodies
-        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
-        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
-        if not self.scene.comm.allreduce(pushed, MPI.LOR):
-            raise InputError(
-                "loads.live: the live load is zero on every free body; give it a body force on"
-                " blocks with density, or a traction"
-            )
+        for kind in ("dead", "live"):
+            nodes = np.linalg.norm(getattr(self.elasticity, kind).reshape(-1, 2), axis=1)
+            given = np.bincount(self.node_body, nodes, len(bodies))
+            given = self.scene.comm.allreduce(given)[bodies]
+            left = np.abs(getattr(self.bodies, kind)[bodies]).max(axis=1)
+            if kind == "live" and not np.any(given):
+                raise InputError(
+                    "loads.live: the live load is zero on every free body; give it a body force on"
+                    " blocks with density, or a traction"
+                )
+            if np.any(given) and np.all(left <= SEARCH.nothing * given):
+                raise InputError(f"loads.{kind}: what is given cancels on every free body")
 
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""

@@ -69,6 +69,8 @@ class Joints:
         stencil: How displacements of nodes give those of both sides at the points.
         gap: Initial opening of every point, m; 0 where the law gives no gap.
         curvature: Of one side relative to the other, 1/m; 0 unless sides are curved and unlike.
+        crushes: f_c of every point, Pa: of its law, or else the least of the cells there; infinite
+            where none is given.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
         corners: Number of points before ties, in no segment, at which a corner meets a side.
         unbonded: Points that have lost cohesion and tensile strength; none if left out.
@@ -89,6 +91,7 @@ class Joints:
     middle: Indices
     gap: Array
     curvature: Array
+    crushes: Array
     offset: float
     corners: int
     unbonded: Flags | None = None
@@ -102,7 +105,7 @@ class Joints:
         laws = len(self.laws) - len(self.ties.names)
         return replace(
             self,
-            **{name: getattr(self, name)[:count] for name in PER_POINT},
+            **{name: getattr(self, name)[:count] for name in (*PER_POINT, "crushes")},
             stencil=Stencil(self.stencil.nodes[:count], self.stencil.weights[:count]),
             laws=self.laws[:laws],
             names=self.names[:laws],
@@ -252,8 +255,17 @@ def find_joints(
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
     stencils, *arrays = zip(*parts, strict=True)
     columns: dict[str, Any] = dict(zip(PER_POINT, map(np.concatenate, arrays), strict=True))
+    # Of the cells at both sides of pieces, then at corners; the last facet is rigid ground.
+    given = [scene.material(groups).compressive_strength or np.inf for groups in boundary.cell_sets]
+    of_facet = np.append(np.array(given)[boundary.cell_groups], np.inf)
+    crushes = np.full(len(columns["law"]), np.inf)
+    beside = of_facet[pieces.stretches.facets].min(axis=0)
+    np.minimum.at(crushes, point[pieces.of_stretch], beside[:, None])
+    crushes[len(rows) :][: len(corners.node)] = of_facet[corners.facets].min(axis=1)
+    of_law = np.array([law.compressive_strength or np.nan for law in laws])[columns["law"]]
     return Joints(
         **columns,
+        crushes=np.where(np.isnan(of_law), crushes, of_law),
         laws=laws,
         names=names,
         segments=point[:, :2],

@@ -201,7 +201,7 @@ class Faces:
 
 
 def straight_faces(joints: Joints) -> Faces:
-    """Faces: joint points grouped by bodies, law and line."""
+    """Faces: joint points grouped by bodies, law, strength and line."""
     law = joints.point_laws
     if len(joints.length) == 0:
         none = np.empty(0, dtype=np.int64)
@@ -212,7 +212,8 @@ def straight_faces(joints: Joints) -> Faces:
     line = np.column_stack([joints.normal, offset, across])
     line = np.round(line / COLLINEAR).astype(np.int64)
     bar = np.maximum(np.arange(len(law.strength)) - joints.joint_count, -1)  # each by itself
-    keys = np.column_stack([joints.bodies, joints.law, line, bar])
+    crushes = np.unique(joints.crushes, return_inverse=True)[1]
+    keys = np.column_stack([joints.bodies, joints.law, crushes, line, bar])
     face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
@@ -267,18 +268,6 @@ class PlaceAtStrength:
     group: str
     length: float
     normal_force: float
-
-
-def strength_of(scene: Scene, joints: Joints) -> Array:
-    """f_c at all joint points: of the joint, or else the lesser of both blocks', Pa."""
-    material = [
-        scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets
-    ]
-    of_body = np.full(scene.mesh.body_count + 1, np.inf)  # the last one is rigid ground
-    np.minimum.at(of_body, scene.mesh.body, np.array(material)[scene.mesh.cell_groups])
-    scene.comm.Allreduce(MPI.IN_PLACE, of_body, MPI.MIN)
-    of_law = np.array([law.compressive_strength or np.nan for law in joints.laws])[joints.law]
-    return np.where(np.isnan(of_law), of_body[joints.bodies].min(axis=1, initial=np.inf), of_law)
 
 
 @dataclass(eq=False)

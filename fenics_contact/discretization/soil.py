@@ -8,7 +8,8 @@ law, and as such part of every limit load and bound.
 k_a s is a force of the dead load (`loads.forces_of_soil`). What is more is the tension t of a bar,
 0 <= t <= Y, that pulls the side towards the inside (`ties`). There are two bars on every part of a
 facet, at Gauss' places, with Y = (k_p - k_a) s times their share of the height: exact for stresses
-that are linear in the depth, and motions that have one sign on the facet.
+that are linear in the depth, and motions that have one sign on the part. Parts are short however
+long the facet is: the motion of a side may change its sign anywhere.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ from fenics_contact.scene.scene import Scene
 
 #: Sides this far from level have no level pressure, as a part of their length.
 LEVEL = 1e-9
+
+#: Parts of the depth of a soil that have two bars each: a side that turns about a place in one of
+#: them has the power there to (1 / PARTS)^2, whatever the cells.
+PARTS = 20
 
 
 @dataclass(frozen=True)
@@ -57,22 +62,20 @@ def places_of_soil(scene: Scene, boundary: Boundary) -> dict[str, Places]:
     for name, strips in soil_strips(scene, boundary).items():
         across = boundary.normal[strips.facets, 0]
         upright = np.abs(across) > LEVEL
-        start, end, facet = (
-            values[upright] for values in (strips.start, strips.end, strips.facets)
-        )
-        parameter = start[:, None] + np.outer(end - start, 0.5 * (1.0 + abscissa))
+        height = strips.length(boundary) * np.abs(across)
+        deep = scene.soil[name].level - boundary.points[strips.facets, :2, 1].min(initial=np.inf)
+        parts = np.ceil(PARTS * height / deep * (1.0 - LEVEL)).astype(int) * upright
+        strip = np.repeat(np.arange(len(parts)), parts)
+        part = np.arange(len(strip)) - (np.cumsum(parts) - parts)[strip]
+        place = (part[:, None] + 0.5 * (1.0 + abscissa)) / parts[strip, None]
+        parameter = strips.start[strip, None] + (strips.end - strips.start)[strip, None] * place
+        strip, parameter = np.repeat(strip, 2), parameter.ravel()
+        facet = strips.facets[strip]
         first, second = boundary.points[facet, :2].swapaxes(0, 1)
-        position = first[:, None] + parameter[..., None] * (second - first)[:, None]
-        height = 0.5 * strips.length(boundary)[upright] * np.abs(across[upright])
-        stress = stress_of_soil(scene.soil[name], position[..., 1]) * height[:, None]
-        side = np.sign(across[upright])
-        found[name] = Places(
-            np.repeat(facet, 2),
-            parameter.ravel(),
-            position.reshape(-1, 2),
-            stress.ravel(),
-            np.repeat(side, 2),
-        )
+        position = first + parameter[:, None] * (second - first)
+        share = (0.5 * height / np.maximum(parts, 1))[strip]
+        stress = stress_of_soil(scene.soil[name], position[:, 1]) * share
+        found[name] = Places(facet, parameter, position, stress, np.sign(across[strip]))
     return found
 
 

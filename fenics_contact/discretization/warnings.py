@@ -17,7 +17,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.contacts import Gaps, facing_facets
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.layout import straight_faces, strength_of
+from fenics_contact.discretization.layout import straight_faces
 from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.discretization.supports import facet_motion
 from fenics_contact.geometry.mesh import Array, Indices
@@ -255,12 +255,12 @@ def turn_in(joints: Joints, force: Array) -> str:
     )
 
 
-def pressed_too_much(scene: Scene, joints: Joints, force: Array) -> str:
+def pressed_too_much(joints: Joints, force: Array) -> str:
     """Where pressures exceed the strength of curved joints, which do not crush, for people.
 
-    `force` is normal, N/m, at all joint points. Collective.
+    `force` is normal, N/m, at all joint points.
     """
-    strength = strength_of(scene, joints)
+    strength = joints.crushes
     face = straight_faces(joints).of_point
     pressure = force / joints.length
     beyond = np.flatnonzero((np.bincount(face)[face] == 1) & (pressure > strength))

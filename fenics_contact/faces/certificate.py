@@ -76,8 +76,11 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap)
-        box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
+        least = max(SEARCH.moves * elastic.gap, SEARCH.gap)
+        box, *wider = (
+            (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
+            for moves in (least, *(part for part in SEARCH.boxes if part > least))
+        )
         start = replace(
             elastic,
             motion=elastic.motion / work,
@@ -92,7 +95,9 @@ class Certifier:
             return exact, mode.load_factor
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, box)
-        return state or self.least_gap(None, mode.motion), mode.load_factor
+        for wide in (*wider, None):
+            state = state or self.least_gap(None, mode.motion, box=wide)
+        return state, mode.load_factor
 
     def of(self, force: Array) -> FaceState | None:
         """The state of least gap for the mode of the strengths of some forces."""
@@ -102,19 +107,31 @@ class Certifier:
     def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
         model = self.model
-        strength = model.own_strength(force) + SEARCH.regularization * model.force
+        strength = model.own_strength(force) + SEARCH.regularization * model.unit_sizes[:, 0]
         program = self._program(strength, model.dilatancy)
         near = None
+        least, best = np.inf, None
+
+        def passed(iterate: Iterate) -> bool:
+            """Note the mode that bounds the load factor most, for where the end is not reached."""
+            nonlocal least, best
+            work = self.sign * float(model.live @ iterate.motion)
+            mode = iterate.motion / work
+            power = model.power(mode)
+            bound = power.bound(strength)
+            closes = np.any(power.closing > SEARCH.verified * np.abs(model.relative(mode)).max())
+            if work > 0.0 and bound < least and not closes:
+                least, best = bound, replace(iterate, motion=mode)
+            return False
+
         if start is not None:
-            near = solve(
-                program, start, Tolerances(10.0 * SEARCH.face_gap), start.mu / SEARCH.decade
-            )
+            tolerances = Tolerances(10.0 * SEARCH.face_gap)
+            near = solve(program, start, tolerances, start.mu / SEARCH.decade, passed)
         if near is None or not near.within(1e-5):
-            near = solve(program)
-        if not near.within(1e-5):
-            return None
-        work = abs(float(model.live @ near.motion))
-        return replace(near, motion=near.motion / work)
+            near = solve(program, enough=passed)
+        if near.within(1e-5):
+            return replace(near, motion=near.motion / abs(float(model.live @ near.motion)))
+        return best
 
     def least_gap(
         self,

@@ -207,7 +207,7 @@ class Method:
         if self.given:
             self.displacement = model.force * float(np.median(model.compliance))
             self.work_size = model.force * self.displacement
-        self.strength = np.maximum(program.strength, 1e-9 * model.force)
+        self.strength = np.maximum(program.strength, 1e-9 * model.unit_sizes[:, 0])
         count = model.shape[0]
         cost = np.zeros(count) if program.cost is None else program.cost
         self.cost = cost + np.where(model.tensile, self.displacement, 0.0)
@@ -236,10 +236,10 @@ class Method:
     def cold(self, mu: float | None) -> Point:
         """A point far from all boundaries: pressed by the dead load and a typical force."""
         model = self.model
-        shift = self.displacement
+        shift = self.displacement * (model.force / model.unit_sizes)  # products are alike
         response = elastic_response(model, self.program.equations)
         force = np.zeros(model.shape)
-        pressed = np.maximum(response.dead_force[:, : model.pressing], 0.0) + 0.3 * model.force
+        pressed = np.maximum(response.dead_force[:, : model.pressing], 0.0) + 0.3 * model.unit_sizes
         beyond = model.kappa * pressed.sum(axis=1) > 0.1
         safe = np.where(beyond, model.kappa, 1.0)
         pressed = np.where(beyond[:, None], (0.05 / safe)[:, None], pressed)
@@ -269,10 +269,11 @@ class Method:
         if margin > 0.0 and mu is None:
             return start
         least = (model.kappa * model.normal(force) ** 2)[:, None]
-        low = force[:, :count] - least <= 1e-6 * model.force
-        force[:, :count] = np.where(low, least + 1e-3 * model.force, force[:, :count])
+        size = model.unit_sizes
+        low = force[:, :count] - least <= 1e-6 * size
+        force[:, :count] = np.where(low, least + 1e-3 * size, force[:, :count])
         bound = self.strength + self.program.friction * model.normal(force)
-        most = np.minimum(np.maximum(0.95 * bound, bound - 0.02 * model.force), 0.999 * bound)
+        most = np.minimum(np.maximum(0.95 * bound, bound - 0.02 * size[:, 0]), 0.999 * bound)
         size = np.linalg.norm(force[:, count:], axis=1)
         force[:, count:] *= np.minimum(1.0, most / np.maximum(size, 1e-300))[:, None]
         if mu is not None:
@@ -338,8 +339,8 @@ class Newton:
             self.slacks,
             mu=products / self.degree,
             gap=products / size,
-            missing=float(np.abs(self.equilibrium).max(initial=0.0))
-            / max(model.force, abs(point.load_factor) * model.load),
+            missing=float((np.abs(self.equilibrium) / model.sizes).max(initial=0.0))
+            / max(1.0, abs(point.load_factor) * model.load / model.force),
             missing_motion=float(max(motions)),
         )
 

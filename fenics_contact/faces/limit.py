@@ -40,6 +40,11 @@ class FaceAttempt:
     gap: float
     factorizations: int
 
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words."""
+        return f"a state with gap {self.gap:.1e}" if np.isfinite(self.gap) else "no state"
+
 
 class FaceSearch:
     """Certified states of one model, and what was tried for them.
@@ -211,6 +216,9 @@ class FaceSearch:
         """Hand a state to the certificate; the limit with its strengths."""
         self._check_stop()
         found, limit = self._certifier.near(state, work)
+        size = self.model.size(state.load_factor)
+        if found and abs(found.load_factor - state.load_factor) > 1.01 * SEARCH.boxes[-1] * size:
+            name += ", another state"
         self._take(name, state.load_factor, found)
         return limit
 

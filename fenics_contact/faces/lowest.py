@@ -12,6 +12,8 @@ proved gap. None proves that there is no lower one.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fenics_contact.faces.certificate import Certifier, FaceState, to_least_gap
@@ -30,14 +32,22 @@ STARTS: dict[str, tuple[float, float, int]] = {
 }
 
 
-def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceState | None:
+#: The same, or a search with fewer points of the same blocks.
+Start = tuple[float, float, int] | FaceSearch
+
+
+def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
     """The lowest state that one start leads to; None if it leads to none.
 
     Raises:
         Stopped: If the search is to end.
     """
-    theta, part, steps = start
     certifier = Certifier(search.model, search.equations)
+    if isinstance(start, FaceSearch):
+        fewer = start.run()  # its mode is one of all points
+        found = fewer and lowered(search, certifier, replace(fewer, gap=np.inf))
+        return found if found and found.gap <= SEARCH.lower_state_gap else None
+    theta, part, steps = start
     pressed = part * search.dead_forces
     settled = False
     for step in range(steps):

@@ -15,13 +15,17 @@ In any number of dimensions a unit may be a point of a face: k = 1, q = dimensio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.faces.cones import Array, Cone, Disc, Positive
+from fenics_contact.geometry.mesh import Flags, Indices
+
+#: Typical forces of a block are so many times its own load at most: as many others stand on it.
+CARRIED = 100.0
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,9 @@ class FaceModel:
             (units, m): of ground that has moved; None for 0.
         components: Of the vectors that generalised forces consist of: their lengths, which do not
             change with the axes, are the sizes of forces.
+        weights: The part of f_D that is no force given to bonds and ties, shape (motions,): it says
+            which load factors are small; None: all of f_D.
+        block: Number of the block of every motion, shape (motions,); None: all are as of one.
     """
 
     motion: Any
@@ -55,6 +62,8 @@ class FaceModel:
     kappa: Array
     offset: Array | None = None
     components: int = 1
+    weights: Array | None = None
+    block: Indices | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -80,9 +89,29 @@ class FaceModel:
         vectors = load.reshape(-1, self.components)
         return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
+    @cached_property
+    def sizes(self) -> Array:
+        """Typical force of every motion's block, shape (motions,): `CARRIED` of its own at most."""
+        load = self.dead if np.any(self.dead) else self.live
+        vectors = np.linalg.norm(load.reshape(-1, self.components), axis=1)
+        block = np.zeros(len(load), dtype=int) if self.block is None else self.block
+        own = np.zeros(block.max(initial=0) + 1)
+        np.maximum.at(own, block, np.repeat(vectors, self.components))
+        return np.where(own > 0.0, np.minimum(CARRIED * own, self.force), self.force)[block]
+
+    @cached_property
+    def unit_sizes(self) -> Array:
+        """Typical force of the units, shape (units, 1): the least of their blocks."""
+        moves = self.motion.tocoo()
+        used = moves.data != 0.0
+        size = np.full((self.shape[0], 1), self.force)
+        np.minimum.at(size[:, 0], moves.row[used] // self.shape[1], self.sizes[moves.col[used]])
+        return size
+
     def size(self, load_factor: float) -> float:
         """That of a load factor, by which gaps are divided: 1 % of a typical one at least."""
-        return max(abs(load_factor), 1e-2 * self.force / self.load)
+        force = self.force if self.weights is None else self._largest(self.weights) or self.load
+        return max(abs(load_factor), 1e-2 * force / self.load)
 
     @cached_property
     def tensile(self) -> Array:
@@ -100,6 +129,13 @@ class FaceModel:
         """Cones of the slacks: in one dimension of shear, |t| is two bounds."""
         pressed: tuple[Cone, ...] = (Positive(),)
         return pressed if self.shears == 1 else (*pressed, Disc())
+
+    def of_units(self, kept: Flags) -> FaceModel:
+        """The model with some of its units alone."""
+        names = "strength", "friction", "dilatancy", "compliance", "kappa", "offset"
+        every = {name: getattr(self, name) for name in names}
+        values: dict[str, Any] = {k: v if v is None else v[kept] for k, v in every.items()}
+        return replace(self, motion=self.motion[np.repeat(kept, self.shape[1])], **values)
 
     @property
     def shears(self) -> int:

@@ -21,7 +21,6 @@ from fenics_contact.discretization.layout import (
     RigidBodies,
     relative_motions,
     straight_faces,
-    strength_of,
 )
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
@@ -68,9 +67,9 @@ class PlanarFaces:
         strength = _strengths(layout, faces, length)
         limited = np.isfinite(strength)
         safe = np.where(limited, strength, 1.0) * np.where(limited, length, 1.0)
-        dead, live = (
+        dead, live, weights = (
             np.einsum("bmk,bm->bk", bodies.free, load).ravel()[used]
-            for load in (bodies.dead, bodies.live)
+            for load in (bodies.dead, bodies.live, layout.bodies.dead)
         )
         model = FaceModel(
             motion,
@@ -82,6 +81,8 @@ class PlanarFaces:
             faces.law.dilatancy,
             _compliance(layout, faces, length),
             np.where(limited, 0.5 / safe, 0.0),
+            weights=weights,
+            block=np.repeat(np.arange(len(bodies.dead)), 3)[used],
         )
         return cls(model, faces, joints, bodies, used, strength)
 
@@ -169,7 +170,7 @@ def _strengths(layout: Layout, faces: Faces, length: Array) -> Array:
     """
     joints = layout.joints
     strength = np.full(len(length), np.inf)
-    np.minimum.at(strength, faces.of_point, strength_of(layout.scene, joints))
+    np.minimum.at(strength, faces.of_point, joints.crushes)
     strength[length == 0.0] = np.inf
     contact = np.bincount(faces.of_point, joints.length, len(length))
     part = np.divide(contact, length, out=np.ones(len(length)), where=length > 0.0)

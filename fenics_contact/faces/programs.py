@@ -31,6 +31,7 @@ from fenics_contact.faces.kernel import (
 )
 from fenics_contact.faces.model import FaceModel, pressing_power
 from fenics_contact.faces.system import Equations
+from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.search_options import SEARCH
 
 #: Relative rounding.
@@ -63,7 +64,7 @@ def associative_end(model: FaceModel) -> float | None:
         nonlocal end, stands
         stands = stands or iterate.missing <= 10.0 * SEARCH.exact_state
         work = float(model.live @ iterate.motion)
-        if work <= 0.0:
+        if not work > 0.0:
             return False
         mode = iterate.motion / work
         _, opening = _least_opening(model, mode)
@@ -91,8 +92,52 @@ def associative_end(model: FaceModel) -> float | None:
         carried += found.load_factor
         if stands and end is not None and end - carried <= SEARCH.agrees * model.size(carried):
             return end
+        if end is None and (joined := _joined(model, found.motion)) is not None:
+            return associative_end(joined)
         loaded = replace(model, dead=model.dead + carried * model.live)
     return end if stands else None
+
+
+def _joined(model: FaceModel, mode: Array) -> FaceModel | None:
+    """The model with those blocks as one whose faces close in a mode by next to nothing.
+
+    Faces of two blocks that face each other, as of a slot, or lock by friction leave them no
+    relative motion but 0, and that with no room for rounding. None where there are no such blocks.
+    """
+    from scipy.linalg import null_space
+    from scipy.sparse import block_diag
+
+    if model.block is None:
+        return None
+    unit, column = model.motion.nonzero()
+    unit //= model.shape[1]
+    pair = np.tile([[len(model.dead)], [-1]], len(model.strength))
+    np.minimum.at(pair[0], unit, model.block[column])
+    np.maximum.at(pair[1], unit, model.block[column])
+    pairs, of_unit = np.unique(pair, axis=1, return_inverse=True)
+    moved = np.abs(model.relative(mode)).max(axis=1)
+    largest, least = np.zeros((2, len(pairs[0])))
+    np.maximum.at(largest, of_unit, moved)
+    np.minimum.at(least, of_unit, _least_opening(model, mode)[1].min(axis=1))
+    joined = (least < 0.0) & (largest <= SEARCH.verified * moved.max()) & (pairs[1] >= 0)
+    if not np.any(joined):
+        return None
+    part = connected(pairs[:, joined].T, int(model.block.max()) + 1)
+    ends = part[np.clip(pair, 0, len(part) - 1)]
+    closed = joined[of_unit] | (pair[0] < pair[1]) & (ends[0] == ends[1])
+    kept = model.of_units(~closed)
+    order = np.argsort(part[model.block], kind="stable")
+    rows = model.motion[np.repeat(closed, model.shape[1])][:, order]
+    first = np.repeat(ends[0, closed], model.shape[1])
+    count = np.bincount(part[model.block])
+    bases = []
+    for k, end in enumerate(np.cumsum(count)):  # a row of zeros where nothing is closed
+        held = rows[first == k][:, end - count[k] : end].toarray()
+        bases.append(null_space(np.pad(held, ((1, 0), (0, 0))), SEARCH.nothing))
+    motions = block_diag(bases, "csr")[np.argsort(order)]
+    block = np.repeat(np.arange(len(bases)), [basis.shape[1] for basis in bases])
+    loads = {name: motions.T @ getattr(model, name) for name in ("dead", "live")}
+    return replace(kept, motion=kept.motion @ motions, components=1, block=block, **loads)
 
 
 def proved_end(model: FaceModel, mode: Array) -> float | None:
@@ -150,6 +195,37 @@ def motion_under(model: FaceModel, load_factor: float) -> Array | None:
     return motion if whole.power(motion).bound(model.strength) < 1.0 else None
 
 
+def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
+    """Motion v in which loads that are not carried do most work, |v| <= 1; None if none was found.
+
+    It is that of the least missing forces: every `shears` components of v get a brake, whose force
+    |t| <= N costs N. What need not move for others to fall stays, but for rounding.
+    """
+    from scipy.sparse import csr_matrix, vstack
+
+    loads = model.dead + load_factor * model.live
+    component = np.arange(len(loads))
+    brake, along = np.divmod(component, model.shears)
+    count = int(brake[-1]) + 1
+    width = model.shape[1]
+    entries = np.ones(len(loads)), (brake * width + model.pressing + along, component)
+    brakes = csr_matrix(entries, (count * width, len(loads)))
+    braked = replace(
+        model,
+        motion=vstack([model.motion, brakes]).tocsr(),
+        dead=loads,
+        live=np.zeros_like(loads),
+        compliance=np.vstack([model.compliance, *[np.median(model.compliance, axis=0)] * count]),
+        kappa=np.append(model.kappa, np.zeros(count)),
+    )
+    friction = np.append(model.friction, np.ones(count))
+    strength = np.append(model.strength, np.zeros(count))
+    found = solve(Program(braked, Equations(braked), strength, friction, friction))
+    small = SEARCH.small_factor
+    near = found.within(small, missing_motion=small) and float(loads @ found.motion) > 0.0
+    return found.motion if near else None
+
+
 def state_under(model: FaceModel, load_factor: float) -> Iterate | None:
     """The state at a load factor; None if none was found.
 
@@ -197,18 +273,11 @@ def state_alone(model: FaceModel) -> Iterate | None:
     Far along the live load, the dead load, given strengths and faces with them are nothing beside
     it: all conditions are homogeneous, and every multiple of a state is one.
     """
-    kept = model.kappa == 0.0
-    alone = replace(
-        model,
-        motion=model.motion[np.repeat(kept, model.shape[1])],
-        dead=np.zeros_like(model.dead),
-        strength=np.zeros(int(kept.sum())),
-        friction=model.friction[kept],
-        dilatancy=model.dilatancy[kept],
-        compliance=model.compliance[kept],
-        kappa=model.kappa[kept],
-    )
-    return state_under(alone, 1.0)
+    kept = model.of_units(model.kappa == 0.0)
+    if not kept.shape[0]:
+        return None
+    nothing = {"dead": np.zeros_like(model.dead), "strength": np.zeros(len(kept.strength))}
+    return state_under(replace(kept, **nothing), 1.0)
 
 
 def stiffness_alone(model: FaceModel) -> float | None:

@@ -38,9 +38,10 @@ def contents(model: Any) -> tuple[Any, ...]:
 
 
 def volumes(model: Any) -> tuple[Any, ...]:
-    """Volumes of the current `gmsh.model`: number, group and outer faces; and all nodes.
+    """Volumes of the current `gmsh.model`: number, groups and outer faces; and all nodes.
 
-    Outer faces are those of one element only; without elements, those of the volume's surfaces.
+    Outer faces are those of one element only; without elements, those of the volume's surfaces,
+    if these have any.
     """
     found = []
     for _, volume in model.getEntities(3):
@@ -53,11 +54,11 @@ def volumes(model: Any) -> tuple[Any, ...]:
                 flat = model.mesh.getElementFaceNodes(kind, width, tag, True)
                 for loop in flat.reshape(-1, width).tolist():
                     uses.setdefault(tuple(sorted(loop)), []).append(tuple(loop))
-        groups = [int(tag) for tag in model.getPhysicalGroupsForEntity(3, volume)]
-        name = model.getPhysicalName(3, abs(groups[0])) or str(abs(groups[0])) if groups else ""
-        found.append((volume, name, [same[0] for same in uses.values() if len(same) == 1]))
+        groups = [abs(int(tag)) for tag in model.getPhysicalGroupsForEntity(3, volume)]
+        names = [model.getPhysicalName(3, tag) or str(tag) for tag in groups]
+        found.append((volume, names, [same[0] for same in uses.values() if len(same) == 1]))
     tags, coordinates, _ = model.mesh.getNodes()
-    return [one for one in found if one[2]], tags, coordinates.reshape(-1, 3)
+    return found, tags, coordinates.reshape(-1, 3)
 
 
 def _main(path: str, seconds: str, memory: str, what: str) -> None:

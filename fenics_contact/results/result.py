@@ -268,7 +268,7 @@ class Collapse:
     @property
     def proof(self) -> str:
         """What is proved of a load factor by the forces of joint faces, in words; else empty."""
-        if self.gap is None or self.certificate is None:
+        if self.gap is None or self.certificate is None or math.isnan(self.load_factor):
             return ""
         limit = self.certificate.kinematic_factor
         return proof(self.load_factor, limit, self.inside, self.searched)
@@ -309,7 +309,7 @@ class Collapse:
         lower -= certificate.tolerance * certificate.size
         outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
         # Beyond what the state's own accuracy leaves, relative.
-        gap = np.nan_to_num(certificate.error_estimate)
+        gap = max(np.nan_to_num(certificate.error_estimate), self.gap or 0.0)
         outside = float(max(outside - gap, 0.0) / certificate.size)
         if not is_limit:
             beyond = self.status != "unbounded" and outside > 0.0

@@ -14,6 +14,8 @@ from fenics_contact.scene.units import Units
 GRAVITY = 9.81
 #: A component of an acceleration below this part of the other one is none.
 LEVEL = 1e-9
+#: That no live load acts, in words.
+DEAD = "under its dead load"
 #: Relative difference of load factors below which three digits do not tell them apart.
 CLOSE = 0.01
 
@@ -223,3 +225,18 @@ def sideways(
         if not same or weight <= 0.0 or abs(up) > LEVEL * abs(along):
             return None
     return float(x)
+
+
+def state_in_words(status: str, at: str, reason: str, proved: bool) -> str:
+    """Whether a structure stands under given loads (`at`), in a sentence.
+
+    What its blocks do is behind a colon in the reason.
+    """
+    if status == "equilibrium":
+        return f"it stands {at} (verified)"
+    if status == "not_converged":
+        return f"not known whether it stands {at}: {reason}"
+    if not proved:
+        return f"no equilibrium was found {at}, which is no proof that there is none"
+    blocks = reason.partition(": ")[2]
+    return f"it does not stand {at}{f': {blocks}' * bool(blocks)}"

@@ -481,7 +481,7 @@ class SolveOptions(Checked):
         peak: Look for the peak of the loading path before the collapse; None: with at most half the
             work of the limit load where there is no peak, and five times that where there is one.
         relaxation: omega of the fixed point on the friction bound, 0 to 2; None: by the changes.
-        time: After so many seconds what is known is the result; None: any time.
+        time: After so many seconds by the clock what is known is the result; None: any time.
         engine: What finds the load factor that is reported: the loading "path" of elastic blocks,
             the forces of their "faces" with a proved gap, or "auto": the path below 100 blocks and
             where it soon comes to its end, else the faces.

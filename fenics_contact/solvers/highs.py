@@ -82,8 +82,13 @@ def _ended(process: subprocess.Popen[bytes], answer: Any) -> None:
     answer.close()
 
 
+def end_with_parent() -> None:
+    """Let this process be killed when the one that started it has ended, on Linux."""
+    with suppress(AttributeError, OSError):  # elsewhere
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+
+
 def _answer_standard_input() -> None:
     """Solve the program given as standard input, and write the answer to standard output."""
-    with suppress(AttributeError, OSError):  # not on Linux
-        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    end_with_parent()
     pickle.dump(solved(*pickle.load(sys.stdin.buffer)), sys.stdout.buffer)

@@ -367,6 +367,8 @@ class JointForceSolver(Closing):
         self._minimise = minimise
         self._owner = Owner()
         self._operators: dict[float, DelassusOperator] = {}
+        # Of a smaller rho K_rho keeps too few digits.
+        self._least = SEARCH.nothing * problem.max(problem.stiffness.diagonal())
 
     def solve(
         self, bound: Array, work: float, start: State, scales: Scales, tolerance: float
@@ -402,6 +404,8 @@ class JointForceSolver(Closing):
             if not min(errors[-patience:]) < 0.5 * min([np.inf, *errors[:-patience]]):
                 break
             level, last = self._adapted(level, last, near, state, residuals)
+            if self._rho(level, scales) < self._least:
+                level -= 1
         self.history.residuals += errors
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
@@ -426,10 +430,14 @@ class JointForceSolver(Closing):
             level = level + 1
         return level, min(change, last, joints + residuals["equilibrium"])
 
+    def _rho(self, level: int, scales: Scales) -> float:
+        """Small stiffness rho of a level, N/m per metre of thickness."""
+        return SEARCH.decade ** (1 + level) * scales.force / scales.displacement
+
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
         size = scales.displacement
-        rho = SEARCH.decade ** (1 + level) * scales.force / size
+        rho = self._rho(level, scales)
         if rho not in self._operators:
             operator = DelassusOperator(self._problem, self._points, rho)
             self._operators[rho] = self._owner.enter_context(operator)

@@ -12,20 +12,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_contact.faces.model import CARRIED
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.structure import Structure
 
-#: What a state may miss, in parts of the largest load on a block: of equilibrium and of its laws.
+#: What a state may miss, in parts of its blocks' typical loads: of equilibrium and of its laws.
 ALLOWED = {
     "equilibrium": 1e-7,
     "pressure": 1e-6,
     "friction": 1e-6,
     "ties": 1e-6,
     "mode_penetration": 1e-5,
-    "crushing": 1e-6,
+    "crushing": 1e-5,  # a limit, in which it is told above `SEARCH.verified`
 }
 
 
@@ -51,11 +52,14 @@ def relative_motions(structure: Structure, mode: Array) -> Array:
 
 
 def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, float]:
-    """By how much a collapse misses equilibrium and its laws, relative; and its gap, recomputed."""
+    """By how much a state misses equilibrium and its laws, relative.
+
+    Of a collapse also what its mode misses, and its gap, recomputed.
+    """
     force = collapse.force
     tension = collapse.tension
     mode = collapse.mode
-    if force is None or mode is None or tension is None:
+    if force is None or tension is None:
         return {}
     count = len(force)
     laws = ("friction", "dilatancy", "tensile_strength", "cohesion")
@@ -65,33 +69,38 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
     yields = structure.yields
     missing = missing_forces(structure, force, tension, collapse.load_factor)
     missing[:, 3:] /= structure.size
-    loads = np.abs(structure.dead) + np.abs(collapse.load_factor * structure.live)
-    typical = float(loads[:, :3].max())
+    size = np.fmax(abs(collapse.load_factor), collapse.size)
+    loads = np.abs(structure.dead) + size * np.abs(structure.live)
+    own = np.where(structure.number >= 0, loads[:, :3].max(axis=1), 0.0)
+    typical = float(own.max()) or float(np.abs(structure.live).max())
+    # As `FaceModel.sizes`: those of blocks, and of the ground; then of units.
+    sizes = np.append(np.where(own > 0.0, np.minimum(CARRIED * own, typical), typical), typical)
+    unit = np.minimum(*(sizes[block] for _, block, _ in structure.ends))[:count]
     normal = force[:, 0]
     shear = np.linalg.norm(force[:, 1:], axis=1)
-    moved = relative_motions(structure, mode)
-    slip = np.linalg.norm(moved[:count, 1:], axis=1)
-    opening = moved[:count, 0] - dilatancy * slip
-    own = cohesion + (friction - dilatancy) * normal
-    power = float(own @ slip + tensile @ np.maximum(opening, 0.0))
-    power += float(yields @ np.maximum(moved[count:, 1], 0.0))
-    power -= float(np.vdot(structure.dead, mode))
-    work = float(np.vdot(structure.live, mode))
-    size = max(abs(collapse.load_factor), 1e-2 * typical / float(np.abs(structure.live).max()))
-    # Contacts that crush close, at a power that the programs know.
     closes = structure.crushes[structure.points.contact]
-    penetration = float(np.max(-opening[~closes], initial=0.0))
     found = {
-        "equilibrium": float(np.abs(missing).max()) / typical,
-        "pressure": float(np.max(-normal - tensile)) / typical,
-        "friction": float(np.max(shear - cohesion - friction * normal)) / typical,
+        "equilibrium": float((np.abs(missing) / sizes[:-1][structure.number >= 0, None]).max()),
+        "pressure": float(np.max((-normal - tensile) / unit)),
+        "friction": float(np.max((shear - cohesion - friction * normal) / unit)),
         "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
-        "mode_penetration": penetration / float(np.abs(moved).max()),
-        "limit": abs(power / work - collapse.load_factor) / size,
     }
     if np.any(closes):
-        crushing = Crushing.of(structure)
-        found |= {"limit": collapse.gap, "crushing": crushing.miss(normal) / typical}
+        found["crushing"] = Crushing.of(structure).miss(normal) / typical
+    if mode is not None:
+        moved = relative_motions(structure, mode)
+        slip = np.linalg.norm(moved[:count, 1:], axis=1)
+        opening = moved[:count, 0] - dilatancy * slip
+        own = cohesion + (friction - dilatancy) * normal
+        power = float(own @ slip + tensile @ np.maximum(opening, 0.0))
+        power += float(yields @ np.maximum(moved[count:, 1], 0.0))
+        power -= float(np.vdot(structure.dead, mode))
+        work = float(np.vdot(structure.live, mode))
+        # Contacts that crush close, at a power that the programs know.
+        penetration = float(np.max(-opening[~closes], initial=0.0))
+        found["mode_penetration"] = penetration / float(np.abs(moved).max())
+        apart = abs(power / work - collapse.load_factor) / collapse.size
+        found["limit"] = collapse.gap if np.any(closes) else apart
     return {name: max(value, 0.0) for name, value in found.items()}
 
 

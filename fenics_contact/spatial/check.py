@@ -25,6 +25,7 @@ def description(scene: Scene, structure: Structure) -> str:
     mass = sum(block.volume * scene.material(block).density for block in moving)
     lines = [
         scene.title or "(no title)",
+        *([f"file {scene.read}"] if scene.read else []),
         f"{counted(len(moving), 'block')} and {fixed} of ground, volume {volume:.6g} m3, mass"
         f" {units.mass(mass)}",
     ]
@@ -47,6 +48,8 @@ def description(scene: Scene, structure: Structure) -> str:
         turned = ", ".join(f"{angle:g}" for angle in movement.rotation)
         moved = units.place(movement.displacement, 6)
         lines.append(f"{name} moves by {moved}, turns by ({turned}) degrees")
+    for key, one in structure.acting.items():
+        lines.append(f"{key}: on {one.on}, resultant {units.forces(one.force.sum(axis=0))}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):
         lines.append(f"{name} load: resultant {units.forces(load[:, :3].sum(axis=0))}")
     return "\n".join(lines)

@@ -1,7 +1,8 @@
 """Where blocks touch: common parts of sides that face each other, by clipping convex polygons.
 
 Convex bodies that do not overlap are separated by the plane of a side, or by one along an edge of
-each. They touch in a polygon if two sides that face each other are such planes.
+each. They touch in a polygon if two sides that face each other are such planes, else in an edge or
+a corner (`edges`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from fenics_contact.errors import require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected, near_pairs
+from fenics_contact.spatial import edges
+from fenics_contact.spatial.edges import FACING
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 #: Sides this far apart touch, and blocks may overlap by it, in parts of the thinner's thickness.
@@ -23,19 +26,28 @@ APART = 5e-4
 NARROW = 2e-3
 #: Sides that face each other within this distance, and do not touch, are told of.
 NEARLY = 0.1
-#: Cosine of the largest angle between sides that face each other.
-FACING = np.cos(np.radians(2.0))
+#: Pairs of blocks that are named beside the worst one.
+NAMED = 5
 
 #: What is wrong with two blocks (or one), by a measure in m; the last ones are warned of.
 REFUSED = {
     "same": "blocks '{0}' and '{1}' are the same{more}: leave one out",
     "pieces": "pieces of block '{0}' overlap by {by:.3g} m{more}: cut them apart",
+    "deep": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart",
     "overlap": "blocks '{0}' and '{1}' overlap by {by:.3g} m{more}: move them apart, or set"
     " tolerance = {above:.3g}",
 }
 TOLD = {
+    "doubt": "blocks '{0}' and '{1}' touch in an edge or corner{more} where more than one plane"
+    " parts them: how they press is not known, nothing that falls is proved",
+    "edge": "blocks '{0}' and '{1}' touch in an edge or corner{more}: it carries, without cohesion,"
+    " tensile strength or crushing",
     "gap": "sides of blocks '{0}' and '{1}' are {by:.3g} m apart{more}: no force passes; if they"
     " touch, set tolerance = {above:.3g}",
+    "off": "an edge or corner of blocks '{0}' and '{1}' is {by:.3g} m off the other one{more}: no"
+    " force passes; if they touch, set tolerance = {above:.3g}",
+    "inclined": "sides of blocks '{0}' and '{1}' are inclined by {by:.3g} degrees{more}: they touch"
+    " in an edge; if they lie on each other, make them parallel",
     "sliver": "the contact of blocks '{0}' and '{1}' is {by:.3g} m wide{more}: it is left out",
     "warped": "sides of block '{0}' are warped by {by:.3g} m{more}: they are taken as plane",
     "alone": "block '{0}' touches nothing{more}: it falls, if no tie holds it",
@@ -43,15 +55,20 @@ TOLD = {
 }
 
 
+class Doubt(str):
+    """A warning of what is not understood: no block is proved to fall while it stands."""
+
+
 @dataclass(frozen=True)
 class Contact:
-    """A convex polygon in which two blocks touch.
+    """A convex polygon in which two blocks touch, or an edge or corner, which has no area.
 
     Attributes:
         first: Number of a block.
         second: Number of the other one.
         axes: Unit normal from the first to the second, and two tangents, shape (3, 3).
-        corners: m, counterclockwise about the normal, shape (corners, 3).
+        corners: m, counterclockwise about the normal, shape (corners, 3); two ends of an edge, or
+            one corner.
     """
 
     first: int
@@ -68,6 +85,23 @@ class Contact:
     def area(self) -> float:
         """m2."""
         return polygon_area(self.in_plane)
+
+    def covers(self, point: Array, near: float) -> bool:
+        """Whether a point is nearer to it than `near`, m, across its plane and in it."""
+        if len(self.corners) < 3:
+            return bool(np.linalg.norm(self.corners - point, axis=1).min() <= near)
+        off, *at = self.axes @ (point - self.corners[0])
+        lines = [complex(*corner) for corner in self.in_plane]
+        inside = (_height(lines[k - 1], end, complex(*at)) >= -near for k, end in enumerate(lines))
+        return abs(off) <= near and all(inside)
+
+    def within(self, others: Sequence[Contact], near: float) -> bool:
+        """Whether all of its corners are in others."""
+        return all(any(one.covers(point, near) for one in others) for point in self.corners)
+
+
+#: Kind of a contact in an edge or corner, tolerance, m, and the contact.
+Narrow = tuple[str, float, Contact]
 
 
 def checked_contacts(
@@ -88,42 +122,95 @@ def checked_contacts(
     """
     pieces = [piece for block in blocks for piece in block.pieces]
     owner = np.repeat(np.arange(len(blocks)), [len(block.pieces) for block in blocks]).tolist()
+    thickness = [block.thickness(piece) for block in blocks for piece in block.pieces]
     fixed = np.array([block.fixed for block in blocks])
     contacts = []
+    narrow = []
     found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
-    for one, two in _near_pieces(pieces, tolerance).tolist():
+    for one, two in _near_pieces(pieces, thickness, tolerance).tolist():
         first, second = owner[one], owner[two]
-        if fixed[first] and fixed[second]:
+        apart = (fixed[first] and fixed[second]) or (first == second and blocks[first].cut)
+        if apart or pieces[two].under not in (None, pieces[one]):
             continue
-        for kind, measure, axes, corners in _meetings(pieces[one], pieces[two], tolerance):
+        thinner = min(thickness[one], thickness[two])
+        meetings = _meetings(pieces[one], pieces[two], thinner, tolerance)
+        for kind, measure, axes, corners in meetings:
             if first == second:
-                kind = "pieces" if kind in REFUSED else "within"
+                kind = "pieces" if kind in ("same", "overlap", "deep") else "within"
             if kind == "contact":
                 contacts.append(Contact(first, second, axes, corners))
-            found[kind].append((measure, first, second))
+            elif kind in edges.KINDS:
+                narrow.append((kind, measure, Contact(first, second, axes, corners)))
+            else:
+                found[kind].append((measure, first, second))
+    for kind, measure, contact in (bare := _bare(contacts, narrow)):
+        told = "doubt" if kind in ("doubt", "unclear") else "edge"
+        found[told].append((measure, contact.first, contact.second))
+        contacts += [contact] * (kind != "unclear")
+    if bare:
+        contacts.sort(key=lambda contact: (contact.first, contact.second))
+    carry = {(contact.first, contact.second) for _, _, contact in bare}
+    found["inclined"] = [place for place in found["inclined"] if place[1:] in carry]
     for number, piece in zip(owner, pieces, strict=True):
         if piece.warp > APART * piece.thickness:
             found["warped"].append((piece.warp, number, number))
-    pairs = np.array([[contact.first, contact.second] for contact in contacts], dtype=np.int64)
+    met = [*contacts, *(contact for _, _, contact in bare)]
+    pairs = np.array([[contact.first, contact.second] for contact in met], dtype=np.int64)
     label = connected(pairs.reshape(-1, 2), len(blocks))
     for number in np.flatnonzero(~np.isin(label, label[fixed])).tolist():
         found["loose" if number in pairs else "alone"].append((-number, number, number))
-    warnings = []
+    return tuple(contacts), tuple(_told(found, [block.name for block in blocks]))
+
+
+def _told(found: dict[str, list[tuple[float, int, int]]], names: Sequence[str]) -> Iterator[str]:
+    """Warnings, by measures and numbers of blocks of what is wrong.
+
+    Raises:
+        InputError: If it is wrong enough; all places are counted, and some are named.
+    """
+    if found["deep"]:
+        found["deep"] += found.pop("overlap", [])
     for kind, text in (REFUSED | TOLD).items():
-        if kind in found:
-            measure, first, second = max(found[kind])
-            more = f" (and {len(found[kind]) - 1} more)" if len(found[kind]) > 1 else ""
-            names = (blocks[first].name, blocks[second].name)
-            warnings.append(text.format(*names, by=measure, above=1.01 * measure, more=more))
-            require(kind in TOLD, warnings[-1])
-    return tuple(contacts), tuple(warnings)
+        if places := sorted(set(found[kind]), reverse=True):
+            by, *pair = places[0]
+            more = f" (and {len(places) - 1} more)" if len(places) > 1 else ""
+            told = text.format(*(names[k] for k in pair), by=by, above=1.01 * by, more=more)
+            others = dict.fromkeys(f"'{names[a]}' and '{names[b]}'" for _, a, b in places)
+            if len(others) > 1 and kind in {*REFUSED, "doubt", "edge"}:
+                told += f"; likewise {', '.join([*others][1 : 1 + NAMED])}"
+                told += ", ..." * (len(others) > 1 + NAMED)
+            require(kind not in REFUSED, told)
+            yield Doubt(told) if kind == "doubt" else told
 
 
-def _near_pieces(pieces: Sequence[Polyhedron], tolerance: float | None) -> Indices:
+def _bare(faces: Sequence[Contact], narrow: Sequence[Narrow]) -> list[Narrow]:
+    """Contacts in edges and corners that are no part of polygons, or others, of the same blocks.
+
+    Where several planes part two blocks, one counts if sides of one of them touch nothing at all
+    there: stones around an edge hold each other by their sides.
+    """
+    touched = defaultdict(list)  # contacts of a block, and of a pair
+    for face in faces if narrow else ():
+        for key in (face.first, face.second, (face.first, face.second)):
+            touched[key].append(face)
+    bare = []
+    for kind, near, edge in sorted(narrow, key=lambda one: -len(one[2].corners)):
+        pair = edge.first, edge.second
+        mine = [one for one in touched[pair] if one.area or one.axes[0] @ edge.axes[0] > FACING]
+        around = all(edge.within(touched[block], near) for block in pair)
+        if not (edge.within(mine, near) or (kind != "edge" and around)):
+            touched[pair].append(edge)
+            bare.append((kind, near, edge))
+    return bare
+
+
+def _near_pieces(
+    pieces: Sequence[Polyhedron], thickness: Sequence[float], tolerance: float | None
+) -> Indices:
     """Sorted pairs of bodies whose boxes are as near as sides that are told of."""
     low = np.array([piece.corners.min(axis=0) for piece in pieces])
     high = np.array([piece.corners.max(axis=0) for piece in pieces])
-    reach = np.maximum([NEARLY * piece.thickness for piece in pieces], tolerance or 0.0)
+    reach = np.maximum(NEARLY * np.array(thickness), tolerance or 0.0)
     radius = 0.5 * np.linalg.norm(high - low, axis=1) + reach
     every = np.arange(len(pieces))
     portions = near_pairs(0.5 * (low + high), radius, every, every)
@@ -135,38 +222,48 @@ def _near_pieces(pieces: Sequence[Polyhedron], tolerance: float | None) -> Indic
 
 
 def _meetings(
-    one: Polyhedron, two: Polyhedron, tolerance: float | None
+    one: Polyhedron, two: Polyhedron, thinner: float, tolerance: float | None
 ) -> Iterator[tuple[str, float, Array, Array]]:
-    """Where two bodies overlap, or have sides that face each other.
+    """Where two bodies overlap, have sides that face each other, or touch in an edge or corner.
+
+    Args:
+        one: A body.
+        two: Another one.
+        thinner: Thickness of the thinner one, m.
+        tolerance: See `checked_contacts`.
 
     Returns:
-        "overlap", "gap", "sliver" or "contact"; depth, distance or width, m; axes and corners of
-        the common polygon, halfway between the sides.
+        "contact", a kind of `edges`, or a key of `REFUSED` or `TOLD`; depth, distance or width, m;
+        axes and corners of the common polygon or edge, halfway between the bodies.
     """
-    thinner = min(one.thickness, two.thickness)
     near = APART * thinner if tolerance is None else tolerance
     near += one.warp + two.warp
     nearly = max(NEARLY * thinner, near)
     beyond_one = (two.corners @ one.normals.T).min(axis=0) - one.levels
     beyond_two = (one.corners @ two.normals.T).min(axis=0) - two.levels
-    apart = max(beyond_one.max(), beyond_two.max())
+    apart = float(max(beyond_one.max(), beyond_two.max()))
     if apart > nearly:
         return
+    met = False
+    planes: list[edges.Plane] = []
     if apart < -near:
-        depth = _depth(one, two)
-        shift = np.linalg.norm(one.centroid - two.centroid)
-        alike = shift < near and abs(one.volume - two.volume) < APART * one.volume
-        if depth > near:
-            yield "same" if alike else "overlap", depth, np.empty(0), np.empty(0)
-        return
+        apart, planes = edges.planes_of_edges(one, two, near)
+        if apart < -near:
+            same = np.linalg.norm(one.centroid - two.centroid) < near
+            same &= abs(one.volume - two.volume) < APART * one.volume
+            kind = "overlap" if -apart <= NEARLY * thinner else "deep"
+            yield "same" if same else kind, -apart, np.empty(0), np.empty(0)
+            return
     separates = (beyond_one >= -near)[:, None] | (beyond_two >= -near)
-    for side, opposite in np.argwhere(separates & (one.normals @ two.normals.T < -FACING)):
+    facing = np.argwhere(separates & (one.normals @ two.normals.T < -FACING))
+    for side, opposite in facing:
         normals = np.array([one.normals[side], two.normals[opposite]])
         levels = np.array([one.levels[side], two.levels[opposite]])
         loop = one.corners[list(one.sides[side])]
         other = two.corners[list(two.sides[opposite])][::-1]
         axes = frame(normals[0] - normals[1], loop[1] - loop[0])
-        common = clipped((loop - loop[0]) @ axes[1:].T, (other - loop[0]) @ axes[1:].T, near)
+        flat = [(corners - loop[0]) @ axes[1:].T for corners in (loop, other)]
+        common = clipped(flat[0], flat[1], near)
         if len(common) < 3:
             continue
         corners = loop[0] + common @ axes[1:]
@@ -175,21 +272,26 @@ def _meetings(
         corners = corners + np.outer(height.mean(axis=1), axes[0])
         width = polygon_width(common)
         if np.abs(distance).max() <= near:
-            kind = "contact" if width > NARROW * thinner else "sliver"
-            yield kind, width, axes, corners
+            if min(map(polygon_width, flat)) > NARROW * thinner:  # else a blunt edge
+                met = True
+                yield "contact" if width > NARROW * thinner else "sliver", width, axes, corners
         elif distance.min() >= -near and distance.max() < min(0.5 * width, nearly):
             yield "gap", float(distance.max()), axes, corners
-
-
-def _depth(one: Polyhedron, two: Polyhedron) -> float:
-    """Depth, m, by which bodies overlap; below 0 if they are apart.
-
-    The distance from the origin to the outside of all differences of their points.
-    """
-    from scipy.spatial import ConvexHull
-
-    differences = (one.corners[:, None] - two.corners).reshape(-1, 3)
-    return -float(ConvexHull(differences).equations[:, 3].max())
+    if met:
+        return
+    planes = planes or edges.planes_of_sides(one, two, max(apart, 0.0) - near)
+    beside = len(facing) > 0 and len(edges.alike(planes, edges.INCLINED)) > 1
+    for kind, plane, normal, corners in edges.edge_contacts(planes, near, NARROW * thinner):
+        along = (corners if len(corners) > 1 else plane.loop)[:2]
+        axes = frame(normal, along[1] - along[0])
+        if apart <= near:
+            yield "unclear" if beside else kind, near, axes, corners
+        elif kind == "edge" and not len(facing):
+            yield "off", apart, axes, corners
+        if kind == "edge" and not len(facing) and (angle := edges.inclined(plane)):
+            yield "inclined", angle, axes, corners
+        if beside:
+            return
 
 
 def frame(normal: Array, along: Array) -> Array:

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_contact.errors import InputError, SolverError
+from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.search_options import SEARCH
@@ -206,11 +207,13 @@ class CrushedState(NamedTuple):
 def crushed_state(
     structure: Structure,
     model: FaceModel,
-    force: Array,
+    state: FaceState,
     asked: float,
     check_stop: Callable[[], None],
 ) -> CrushedState | None:
-    """The state of least gap with crushing, from forces of units without; None without one.
+    """The state of least gap with crushing, from the state without; None without one.
+
+    The mode of that bounds it, too: the gap has what crushing takes away, where no mode is found.
 
     Raises:
         InputError: If clarabel is missing.
@@ -218,13 +221,19 @@ def crushed_state(
     """
     crushing = Crushing.of(structure)
     best: CrushedState | None = None
+    force = state.force
     with suppress(SolverError):
         for _ in range(ROUNDS):
             check_stop()
             own = model.own_strength(force)
             none = np.zeros(len(own))
-            _, _, motion, limit = crushing.limit(model, own, model.dilatancy, none)
-            motion = motion / float(model.live @ motion)
+            try:
+                _, _, motion, limit = crushing.limit(model, own, model.dilatancy, none)
+                motion = motion / float(model.live @ motion)
+            except SolverError:
+                if best is not None or state.sign < 0.0:
+                    raise
+                motion, limit = state.mode, model.power(state.mode).bound(own)
             slip = model.power(motion).slip
             cost = model.free_friction * slip
             factor, force, _, _ = crushing.limit(model, model.strength, model.friction, cost)

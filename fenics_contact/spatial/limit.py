@@ -1,9 +1,9 @@
 """The limit load of a scene in space: whether it stands, its collapse, and what is proved of it.
 
-The dead load is asked first whether it has an equilibrium inside the cones of Coulomb friction at
-all; a motion that no contact resists proves that it has none. Then a collapse state is searched for
-(`faces.limit`) and held against blocks, contacts and laws (`certificate`). Where the search comes
-to no state, the live load alone may be carried, of any size: forces inside the cones prove that.
+The dead load is asked first whether it has a state (`standing`). Then a collapse state is searched
+for (`faces.limit`) and held against blocks, contacts and laws (`certificate`). Where the search
+comes to no state, and where no upper end is proved, the live load alone may be carried, of any
+size: forces inside the cones prove that.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -21,13 +22,11 @@ from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import associative_end, motion_under, state_alone, state_under
-from fenics_contact.geometry.mesh import Array
-from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
-from fenics_contact.results.values import large
+from fenics_contact.results.bounds import rounded
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
@@ -35,6 +34,7 @@ from fenics_contact.spatial.record import LimitLoad
 from fenics_contact.spatial.result import SpatialCollapse, named
 from fenics_contact.spatial.scene import Scene, SolveOptions
 from fenics_contact.spatial.seismic import seismic_check
+from fenics_contact.spatial.standing import state_of, wedged_blocks
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.workers import (
     InPlace,
@@ -54,7 +54,6 @@ NEAR = 1e-4
 EFFORT = 350
 #: Signs of the live load.
 SIGNS = {"positive": 1.0, "negative": -1.0}
-NO_EQUILIBRIUM = "there is no equilibrium under the dead load alone"
 UNLIMITED = "nothing limits the live load"
 
 
@@ -138,21 +137,40 @@ def _solved(
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
     found = collapse_of(structure, sign, options.gap, check_stop)
-    if found.status != "limit":
+    if found.status not in ("limit", "not_converged"):
         return found
     model = structure.face_model(sign)
+    lower = options.lowest or options.states == "lowest"
     try:
-        if (options.lowest or options.states == "lowest") and not np.any(structure.crushes):
+        if lower and found.status == "limit" and not np.any(structure.crushes):
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
-        if not options.fast:
+        if not options.fast and not found.stopped:
             check_stop()
             tell("what nothing exceeds")
-            end = associative_end(model)
-            found = replace(found, upper=np.inf if end is None else sign * end)
+            found = _with_upper(structure, found, model)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
+    if found.status != "limit":
+        return found
     return replace(found, seismic=seismic_check(structure, found, scene))
+
+
+def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) -> SpatialCollapse:
+    """A limit with what nothing exceeds, or the blocks that can wedge; none if it exceeds that."""
+    end = associative_end(model)
+    if end is None:
+        return replace(found, falling=wedged_blocks(structure, model, stressed=True))
+    found = replace(found, upper=rounded(found.sign * end, found.size))
+    above = found.sign * (found.load_factor - found.upper) / found.size
+    if above <= 0.0:
+        return found
+    if above <= found.gap + SEARCH.agrees:
+        lower = replace(found, load_factor=found.upper)
+        residuals = residuals_of(structure, lower)
+        return replace(lower, residuals=residuals, gap=max(found.gap, residuals["limit"]))
+    reason = f"the best state, {found.load_factor:.6g}, is above {found.upper:.6g}, a proved end"
+    return replace(found, status="not_converged", reason=reason)
 
 
 def collapse_of(
@@ -169,43 +187,44 @@ def collapse_of(
         asked: Largest gap, relative.
         check_stop: May raise `Stopped` between solves: what is known by then is the result.
     """
+    rest = state_of(structure)
+    if rest.status in ("unstable", "no_equilibrium"):
+        return replace(rest, sign=sign)
     model = structure.face_model(sign)
-    if fall := falling(structure, model):
-        why = f"{NO_EQUILIBRIUM}: {named(structure, fall, 'fall')}"
-        return SpatialCollapse("unstable", sign=sign, reason=why, falling=fall)
     search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
     crushes = bool(np.any(structure.crushes))
-    wedged: tuple[int, ...] = ()
+    wedged = cache(lambda: wedged_blocks(structure, model))
 
     def unlimited() -> bool:
-        nonlocal wedged
-        if search.best is None or search.best.gap > SEARCH.rough_gap:
-            wedged = wedged_blocks(structure, model)
-        return bool(wedged)
+        none = search.best is None or search.best.gap > SEARCH.rough_gap
+        return none and bool(wedged())
 
     stopped = ""
-    why = "the search found no state"
-    state: FaceState | CrushedState | None = None
+    wedges: tuple[int, ...] = ()
+    found = SpatialCollapse(sign=sign, reason="the search found no state")
     try:
-        state = search.run(unlimited)
-        if state is not None and crushes and not wedged:
-            why = "no state was found that does not crush"
-            state = crushed_state(structure, model, state.force, asked, check_stop)
+        state: FaceState | CrushedState | None = None
+        if not (_alike(structure, sign) and wedged()):
+            state = search.run(unlimited)
+        if state is not None and crushes and not unlimited():
+            # Without one that does not crush, what the other one misses is told.
+            state = crushed_state(structure, model, state, asked, check_stop) or state
+        if state is not None:
+            found = as_collapse(structure, model, state, sign, asked)
+        if found.status != "limit":
+            wedges = wedged() or wedged_blocks(structure, model, stressed=True)
     except (Stopped, SolverError) as end:
-        why = str(end)
-        stopped = why * isinstance(end, Stopped)
-        state = None if crushes else search.best
-    if wedged:
+        stopped = str(end) * isinstance(end, Stopped)
+        if search.best is not None:
+            found = as_collapse(structure, model, search.best, sign, asked)
+        if found.status != "limit":
+            found = replace(found, reason=f"{end}; {found.reason}")
+    if wedges:
         limit = sign * np.inf
-        why = f"{UNLIMITED}: {named(structure, wedged, 'wedge')}"
-        return SpatialCollapse(
-            "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedged
+        why = f"{UNLIMITED}: {named(structure, wedges, 'wedge')}"
+        found = SpatialCollapse(
+            "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedges
         )
-    found = SpatialCollapse(sign=sign, reason=why)
-    if state is not None:
-        found = as_collapse(structure, state, sign, asked)
-        if stopped and found.status != "limit":
-            found = replace(found, reason=f"{stopped}; {found.reason}")
     return replace(
         found,
         attempts=tuple(search.attempts),
@@ -214,67 +233,44 @@ def collapse_of(
     )
 
 
-def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) -> tuple[int, ...]:
-    """Numbers of the blocks that fall under the dead load and some live load; none if they stand.
-
-    The motion opens all contacts and the loads do work in it: no forces inside the cones resist.
-    Blocks that neither contacts nor ties join to the ground fall as they are.
-    """
-    count = len(structure.blocks)
-    ends = np.column_stack([block for _, block, _ in structure.ends])
-    held = np.where(np.append(structure.number, -1) < 0, count, np.arange(count + 1))[ends]
-    parts = connected(held, count + 1)
-    loose = (parts[:count] != parts[count]) & (structure.number >= 0)
-    if np.any(loose):
-        return tuple(np.flatnonzero(loose).tolist())
-    motion = motion_under(model, load_factor)
-    if motion is None:
-        return ()
-    loads = model.dead + load_factor * model.live
-    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
-    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
-    doubt = power.closing.sum() * np.abs(loads).sum()
-    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
-    if power.bound(model.strength) + doubt >= float(loads @ motion):
-        return ()
-    return _numbers(structure, np.linalg.norm(motion.reshape(-1, 6), axis=1))
-
-
-def wedged_blocks(structure: Structure, model: FaceModel) -> tuple[int, ...]:
-    """Numbers of blocks that wedge where contacts carry the live load alone, of any size."""
-    state = state_alone(model)
-    if state is None:
-        return ()
-    force = np.linalg.norm(state.force, axis=1)[: len(structure.points.area)]
-    size = np.zeros(len(structure.blocks))
-    for _, block, _ in structure.ends:
-        np.maximum.at(size, block[: len(force)], force)
-    return _numbers(structure, size[structure.number >= 0])
-
-
-def _numbers(structure: Structure, size: Array) -> tuple[int, ...]:
-    """Numbers of the moving blocks for which something is not small."""
-    return tuple(np.flatnonzero(structure.number >= 0)[large(size)].tolist())
+def _alike(structure: Structure, sign: float) -> bool:
+    """Whether the dead load is a multiple of the live load, not a negative one."""
+    dead, live = structure.generalised(structure.dead), sign * structure.generalised(structure.live)
+    multiple = float(dead @ live) / float(live @ live)
+    apart = np.linalg.norm(dead - multiple * live)
+    return multiple >= 0.0 and bool(apart <= SEARCH.nothing * np.linalg.norm(dead))
 
 
 def as_collapse(
-    structure: Structure, state: FaceState | CrushedState, sign: float, asked: float
+    structure: Structure,
+    model: FaceModel,
+    state: FaceState | CrushedState,
+    sign: float,
+    asked: float,
 ) -> SpatialCollapse:
-    """A state in the terms of the structure, held against it; no limit where it misses much."""
+    """A state in the terms of the structure, held against it; no limit where it misses much.
+
+    Nor is one that needs the reverse of the live load: the dead load alone stands.
+    """
+    size = model.size(state.load_factor)
     found = SpatialCollapse(
         "limit",
-        sign * state.load_factor,
-        max(state.gap, 0.0),
+        rounded(sign * state.load_factor, size),
+        abs(state.gap),
+        size,
         mode=structure.mode(state.mode),
         force=structure.point_forces(state.force),
         tension=structure.tensions(state.force),
         sign=sign,
     )
-    found = replace(found, residuals=residuals_of(structure, found))
-    if text := missed(found.residuals, asked):
-        reason = f"the best state, with load factor {found.load_factor:.6g}, misses {text}"
-        return replace(found, status="not_converged", reason=reason)
-    return found
+    residuals = residuals_of(structure, found)
+    found = replace(found, residuals=residuals, gap=max(found.gap, residuals["limit"]))
+    text = missed(found.residuals, asked)
+    text = f"misses {text}" if text else ""
+    if not text and state.load_factor < -asked * model.size(0.0):
+        text = "is one of the reversed live load"
+    reason = f"the best state, with load factor {found.load_factor:.6g}, {text}"
+    return replace(found, status="not_converged", reason=reason) if text else found
 
 
 def _with_lowest(
@@ -292,7 +288,11 @@ def _with_lowest(
     instead = options.states == "lowest"
     spent = found.factorizations
     best: FaceState | None = None
-    for start in list(STARTS.values())[: None if instead else 1]:
+    corners = replace(structure, quick=True).face_model(found.sign)
+    starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
+    if not structure.quick:
+        starts.append(FaceSearch(corners, options.gap, EFFORT, check_stop))
+    for start in starts:
         search = FaceSearch(model, SEARCH.side_accuracy, EFFORT, check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations
@@ -302,7 +302,7 @@ def _with_lowest(
         return replace(found, factorizations=spent)
     least = min(best.load_factor, found.sign * found.load_factor)
     if instead and best.load_factor == least:
-        lowest = as_collapse(structure, best, found.sign, options.gap)
+        lowest = as_collapse(structure, model, best, found.sign, options.gap)
         if lowest.status == "limit":
             found = replace(lowest, searched=FOUND, attempts=found.attempts)
     return replace(found, lowest=found.sign * least, factorizations=spent)
@@ -313,15 +313,6 @@ def standing(scene: Scene, load_factor: float = 0.0) -> LimitLoad:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
     structure = scene.structure()
-    model = structure.face_model()
-    found = SpatialCollapse(reason="no state was found")
-    if fall := falling(structure, model, load_factor):
-        why = NO_EQUILIBRIUM if not load_factor else "there is no equilibrium under these loads"
-        why = f"{why}: {named(structure, fall, 'fall')}"
-        found = SpatialCollapse("unstable", reason=why, falling=fall)
-    elif (state := state_under(model, load_factor)) is not None:
-        force = structure.point_forces(state.force)
-        tension = structure.tensions(state.force)
-        found = SpatialCollapse("equilibrium", load_factor, force=force, tension=tension)
+    found = state_of(structure, load_factor)
     total = {"total": time.perf_counter() - start}
     return LimitLoad(scene, structure, {"positive": found}, total)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fenics_contact.errors import require
+from fenics_contact.errors import InputError, require
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.results.bounds import counted
 from fenics_contact.scene import scene
 from fenics_contact.scene.rules import (
     FINITE,
@@ -21,6 +22,7 @@ from fenics_contact.scene.rules import (
     rule,
     ruled,
 )
+from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.contacts import clipped, polygon_area
 from fenics_contact.spatial.points import polygon_centroid
 from fenics_contact.spatial.polyhedra import Block
@@ -241,8 +243,8 @@ class Floor(Checked):
             low, high = getattr(self, name) or (0.0, 1.0)
             require(low < high, f"{name} = [{low:g}, {high:g}] must rise, [from, to]")
 
-    def masses(self, key: str, blocks: Sequence[Block], near: float) -> Masses:
-        """Its mass on the blocks that carry it."""
+    def masses(self, key: str, blocks: Sequence[Block], near: float) -> tuple[Masses, str]:
+        """Its mass on the blocks that carry it, and on what it lies."""
         tops = Sides(self.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, self.z))
         found = list(tops.of(blocks, near))
         require(bool(found), f"{key}: no block has a top side at z = {self.z:g}; move it")
@@ -259,7 +261,26 @@ class Floor(Checked):
         area = np.array([polygon_area(part) for _, part in parts])
         mass = self.force * polygon_area(plan) / GRAVITY * area / area.sum()
         places = [[*polygon_centroid(part), self.z] for _, part in parts]
-        return Masses(np.array([number for number, _ in parts]), np.array(places), mass)
+        return Masses(
+            np.array([number for number, _ in parts]), np.array(places), mass
+        ), sides_told(area.tolist())
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Forces at places of blocks.
+
+    Attributes:
+        block: Number of the block, shape (forces,).
+        place: m, shape (forces, 3).
+        force: N, shape (forces, 3).
+        on: What they act on, in words; empty for body forces.
+    """
+
+    block: Indices
+    place: Array
+    force: Array
+    on: str
 
 
 @dataclass(frozen=True)
@@ -294,12 +315,9 @@ class Masses:
         every = zip(*(vars(one).values() for one in (self, *others)), strict=True)
         return Masses(*(np.concatenate(parts) for parts in every))
 
-    def loads(
-        self, blocks: Sequence[Block], acceleration: Array, factors: Array | float = 1.0
-    ) -> Array:
-        """Forces of weight or inertia on the blocks, and their moments, shape (blocks, 6)."""
-        force = np.outer(self.mass * factors, acceleration)
-        return summed(blocks, self.block, self.position, force)
+    def acting(self, acceleration: Array, factors: Array | float = 1.0, on: str = "") -> Acting:
+        """Forces of weight or inertia."""
+        return Acting(self.block, self.position, np.outer(self.mass * factors, acceleration), on)
 
 
 def _fan(corners: Array) -> Array:
@@ -318,21 +336,33 @@ def _tetrahedra(block: Block) -> Array:
     return np.concatenate(corners)
 
 
-def summed(blocks: Sequence[Block], number: Indices, place: Array, force: Array) -> Array:
-    """Forces and moments about the centroids, N and N m, shape (blocks, 6), of forces at places."""
+def total(key: str, blocks: Sequence[Block], acting: Mapping[str, Acting]) -> Array:
+    """Forces and moments about the centroids, N and N m, shape (blocks, 6), of forces at places.
+
+    Raises:
+        InputError: If they cancel on every block that moves.
+    """
     loads = np.zeros((len(blocks), 6))
-    if len(number):
-        centroid = np.array([block.centroid for block in blocks])
-        np.add.at(loads[:, :3], number, force)
-        np.add.at(loads[:, 3:], number, np.cross(place - centroid[number], force))
+    given = np.zeros(len(blocks))
+    centroid = np.array([block.centroid for block in blocks])
+    for one in acting.values():
+        np.add.at(loads[:, :3], one.block, one.force)
+        arm = one.place - centroid[one.block]
+        np.add.at(loads[:, 3:], one.block, np.cross(arm, one.force))
+        np.add.at(given, one.block, np.linalg.norm(one.force, axis=1))
+    size = np.cbrt([block.volume for block in blocks])
+    left = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / size
+    pushed = np.array([not block.fixed for block in blocks]) & (given > 0.0)
+    if np.any(pushed) and np.all(left[pushed] <= SEARCH.nothing * given[pushed]):
+        parts = "; ".join(f"{name} on {one.on}" for name, one in acting.items() if one.on)
+        raise InputError(f"{key}: what is given cancels on every block: {parts or 'its profile'}")
     return loads
 
 
 def surface_loads(
     key: str, load: Load, blocks: Sequence[Block], sides: Mapping[str, Sides], near: float
-) -> Array:
-    """Tractions and forces as forces and moments of the blocks, shape (blocks, 6)."""
-    loads = np.zeros((len(blocks), 6))
+) -> Iterator[tuple[str, Acting]]:
+    """Tractions and forces, by their keys."""
     given = {f"{key}.traction.{n}": (n, np.array(t), True) for n, t in load.traction.items()}
     for name, force in load.force.items():
         vector = np.array(force.force)
@@ -342,7 +372,10 @@ def surface_loads(
             continue
         number = numbered(place, blocks, force.block, force.at, near)
         at = blocks[number].centroid if force.at is None else np.array(force.at)
-        loads += summed(blocks, np.array([number]), at[None], vector[None])
+        yield (
+            place,
+            Acting(np.array([number]), at[None], vector[None], f"block {blocks[number].name}"),
+        )
     for place, (name, vector, per_area) in given.items():
         require(name in sides, f"{place}: there is no [sides.{name}]; it has {listed(sides)}")
         found = list(sides[name].of(blocks, near))
@@ -350,8 +383,12 @@ def surface_loads(
         areas, centres = zip(*(_middle(corners) for _, corners in found), strict=True)
         share = np.array(areas) / (1.0 if per_area else sum(areas))
         numbers = np.array([block for block, _ in found])
-        loads += summed(blocks, numbers, np.array(centres), np.outer(share, vector))
-    return loads
+        yield place, Acting(numbers, np.array(centres), np.outer(share, vector), sides_told(areas))
+
+
+def sides_told(areas: Sequence[float]) -> str:
+    """Sides in words, from their areas, m2."""
+    return f"{counted(len(areas), 'side')}, area {sum(areas):.6g} m2"
 
 
 def _middle(corners: Array) -> tuple[float, Array]:

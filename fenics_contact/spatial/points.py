@@ -20,7 +20,8 @@ WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12.0
 def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
     """Points, m, shape (points, 3), and their areas, m2.
 
-    Areas are positive, sum to that of the contact, and have its centroid (but for `quick`).
+    Areas are positive, sum to that of the contact, and have its centroid (but for `quick`). Edges
+    and corners have their ends, without area.
 
     A quadrilateral has 4 x 4 Lobatto points. Any other polygon has a ring of points on its outline,
     corners and middles of edges (Simpson's rule), and one halfway to the centroid (Radau's rule):
@@ -30,7 +31,7 @@ def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
         contact: Where two blocks touch.
         quick: Take the corners alone, alike; torsion is not limited then.
     """
-    if quick:
+    if quick or len(contact.corners) < 3:
         return contact.corners, np.full(len(contact.corners), contact.area / len(contact.corners))
     flat = contact.in_plane
     following = np.roll(flat, -1, axis=0)

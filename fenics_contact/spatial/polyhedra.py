@@ -120,7 +120,10 @@ class Polyhedron(PlaneSides):
     Attributes:
         warp: How far corners lie off the planes of their sides, or outside of others, m.
         problem: Why this is no convex body, in words; empty if it is one. No block is made of it.
+        under: Of ground: the only body that it touches, which lies on it; None: it touches any.
     """
+
+    under: Polyhedron | None = None
 
     def __init__(self, corners: Any, sides: Iterable[Any]) -> None:
         """Take corners, m, shape (corners, 3), and sides as loops of their numbers."""
@@ -183,12 +186,14 @@ class Block:
         name: What messages call it.
         group: Key of materials and joints.
         fixed: Whether it is ground, which does not move.
+        cut: Whether a whole body was cut into its pieces: they may be slivers, and overlap.
     """
 
     pieces: tuple[Polyhedron, ...]
     name: str = ""
     group: str = "default"
     fixed: bool = False
+    cut: bool = False
 
     def __post_init__(self) -> None:
         """Refuse pieces that are no convex bodies.
@@ -200,6 +205,10 @@ class Block:
         for number, piece in enumerate(self.pieces):
             which = f", piece {number}" if len(self.pieces) > 1 else ""
             require(not piece.problem, f"block '{self.name}'{which}: {piece.problem}")
+
+    def thickness(self, piece: Polyhedron) -> float:
+        """Of a piece, m, by which tolerances are measured: that of the largest, if it was cut."""
+        return max(p.thickness for p in self.pieces) if self.cut else piece.thickness
 
     @cached_property
     def volume(self) -> float:

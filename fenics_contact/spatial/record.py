@@ -145,11 +145,11 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
         "tolerances": tolerances(collapse.residuals, asked),
         "seismic": collapse.seismic and asdict(collapse.seismic),
         "falling_blocks": falling if collapse.status == "unstable" else [],
-        "wedged_blocks": falling if collapse.status == "unbounded" else [],
+        "wedged_blocks": falling if collapse.status != "unstable" else [],
         "ties": tie_records(view.ties),
         "tensions": None if collapse.tension is None else collapse.tension.tolist(),
         "mechanism": moves,
-        "attempts": [vars(attempt) for attempt in collapse.attempts],
+        "attempts": [{**vars(one), "outcome": one.outcome} for one in collapse.attempts],
     }
 
 
@@ -157,7 +157,8 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     """What was solved."""
     structure = result.structure
     moving = [block for block in structure.blocks if not block.fixed]
-    areas = {law.key: structure.areas_of(law.key) for law in structure.laws}
+    keys = dict.fromkeys(law.key for law in structure.laws)
+    areas = {key: structure.areas_of(key) for key in keys}
     volumes: dict[str, list[float]] = {block.group: [] for block in moving}
     for block in moving:
         volumes[block.group].append(block.volume)

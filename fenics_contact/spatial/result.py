@@ -14,10 +14,11 @@ from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
-from fenics_contact.results.result import ByDirection
+from fenics_contact.results.result import NOT_KNOWN, ByDirection
 from fenics_contact.results.values import NAMED
-from fenics_contact.results.wording import Line, Wording
+from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
 
 #: What forces at the corners of contacts leave out.
@@ -32,16 +33,19 @@ class SpatialCollapse:
         status: "limit", "unbounded", "unstable", "not_converged", or of a state under given loads
             "equilibrium".
         load_factor: That of a state inside all laws; nan without one.
-        gap: Proved distance to what its own friction forces allow, relative.
+        gap: Proved distance to what its own friction forces allow, over `size`.
+        size: Of the load factor, by which gaps are divided: 1 % of a typical one at least.
         upper: Nothing carries more with any friction forces; infinite where nothing is known.
         mode: Motions of all blocks in the collapse: velocities of centroids and rotations, shape
-            (blocks, 6), scaled to a largest velocity of 1; None without a limit.
+            (blocks, 6), scaled to a largest velocity of a corner of 1; None without a limit.
         force: Forces of the points along their contact's axes, N, shape (points, 3).
         tension: Of the bars, N, shape (bars,).
         lowest: Load factor of the lowest collapse state found; nan where none was looked for.
         sign: Of the live load.
         reason: Why there is no limit.
-        falling: Numbers of blocks that fall or are wedged, where there is none.
+        falling: Numbers of blocks that fall, where there is none; or that can wedge, so that no
+            load is excluded.
+        given: Load factor of the state that was asked for; None for that of a limit.
         residuals: By how much each condition is missed, see `certificate`.
         searched: What was searched for, in words; empty for what the load leads to.
         seismic: Spectral acceleration at which it starts; None where that was not asked for.
@@ -53,6 +57,7 @@ class SpatialCollapse:
     status: str = "not_converged"
     load_factor: float = np.nan
     gap: float = np.nan
+    size: float = np.nan
     upper: float = np.inf
     mode: Array | None = None
     force: Array | None = None
@@ -61,6 +66,7 @@ class SpatialCollapse:
     sign: float = 1.0
     reason: str = ""
     falling: tuple[int, ...] = ()
+    given: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     searched: str = ""
     seismic: SeismicCheck | None = None
@@ -77,7 +83,7 @@ class SpatialCollapse:
     @property
     def limit(self) -> float:
         """With the friction forces of this state nothing carries more."""
-        return self.load_factor + self.sign * self.gap * abs(self.load_factor)
+        return self.load_factor + self.sign * self.gap * self.size
 
 
 @dataclass(frozen=True)
@@ -175,7 +181,7 @@ class SpatialLimit(ByDirection[SpatialCollapse]):
         for name, collapse in limits.items():
             head = f"{collapse.searched}:" if collapse.searched else "it collapses at"
             amounts.setdefault(head, []).append(words.amount(collapse.load_factor, name))
-            told += [(name, line) for line in _lines(collapse, words)]
+            told += [(name, line) for line in _lines(collapse, words, self.structure)]
         found = [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
         others = {n: c for n, c in self.ends.items() if n not in limits}
         found += dict.fromkeys(_without_limit(n, c, words) for n, c in others.items())
@@ -199,16 +205,17 @@ class SpatialLimit(ByDirection[SpatialCollapse]):
 
 def _without_limit(name: str, collapse: SpatialCollapse, words: Wording) -> str:
     """What is known where no limit load was found, in a sentence."""
-    what, _, blocks = collapse.reason.partition(": ")
-    if collapse.status == "equilibrium":
-        more = f" and {words.at(collapse.load_factor)}" * bool(collapse.load_factor)
-        return f"it stands under its dead load{more}"
-    if collapse.status == "unstable":
-        return f"it does not stand under its dead load: {blocks}"
+    if collapse.given is not None:
+        at = f"at {words.at(collapse.given)}" if collapse.given else DEAD
+        proved = collapse.status != "no_equilibrium"
+        told = state_in_words(collapse.status, at, collapse.reason, proved)
+        return f"{told}: {collapse.reason}" if not proved and collapse.reason != NOT_KNOWN else told
     way = f" {words.way(name)}".rstrip()
     if collapse.status == "unbounded":
+        what, _, blocks = collapse.reason.partition(": ")
         return f"{what}{way}: {blocks}"
-    return f"no collapse was found{way}: {collapse.reason}"
+    most = words.amount(collapse.upper, name) if math.isfinite(collapse.upper) else ""
+    return f"no collapse was found{way}: {collapse.reason}" + f"; at most {most}" * bool(most)
 
 
 def collapse_proof(collapse: SpatialCollapse) -> str:
@@ -216,7 +223,7 @@ def collapse_proof(collapse: SpatialCollapse) -> str:
     return proof(collapse.load_factor, collapse.limit, "friction", collapse.searched)
 
 
-def _lines(collapse: SpatialCollapse, words: Wording) -> list[Line]:
+def _lines(collapse: SpatialCollapse, words: Wording, structure: Structure) -> list[Line]:
     """Other states and bounds of a limit, and its seismic check."""
     lines = []
     factor = collapse.load_factor
@@ -227,6 +234,13 @@ def _lines(collapse: SpatialCollapse, words: Wording) -> list[Line]:
     if math.isfinite(collapse.upper):
         most = words.beside(collapse.upper, factor, collapse.sign, 1)
         lines.append(Line("nothing carries more than", most, states=True))
+    elif collapse.falling:
+        blocks = named(structure, collapse.falling, "wedge")
+        lines.append(Line("no load is excluded:", blocks, states=True))
+    beyond = collapse.residuals.get("crushing", 0.0)
+    if beyond > SEARCH.verified:
+        text = f"a contact exceeds its strength by {beyond:.0e} of the largest load on a block"
+        lines.append(Line("crushing:", text))
     if collapse.seismic is not None:
         lines += SeismicAnswer(collapse.seismic).lines(cast(Any, collapse), words)
     return [line for line in lines if not line.verbose]

@@ -33,17 +33,20 @@ from fenics_contact.scene.rules import (
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
 from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
 from fenics_contact.scene.units import Units
-from fenics_contact.spatial.contacts import Contact, checked_contacts
+from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
+from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
     DIRECTION,
     GRAVITY,
     NEAR,
+    SAME_DIRECTION,
     Floor,
     Load,
     Masses,
     Sides,
     Tie,
     surface_loads,
+    total,
 )
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
@@ -56,10 +59,12 @@ SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
     "hexahedron": (8, Polyhedron.hexahedron),
     "vertices": (0, Polyhedron.hull),
 }
+#: Widths, m, and mass, kg, of blocks beyond which they are probably of another unit.
+SMALLEST, WIDEST, HEAVIEST = 5e-3, 50.0, 1e9
 #: Name of the ground where none is given.
 GROUND = "ground"
-#: Its lower side, in parts of its upper one: pieces of ground touch what is above them alone.
-NARROWER = 0.9
+#: Which axes of a file become x, y and z, by the one that points upwards, with their signs.
+UPWARDS = {"x": ((2, 1, 0), (-1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,8 @@ class Foundation(JointLaw):
     """Joint law on rigid ground, and where that is.
 
     Attributes:
-        z: Height of the ground, m; by default that of the lowest point of the blocks.
+        z: Height of the ground, m; by default below the lowest point of the blocks, along x or y
+            where the dead load acts along these.
         plane: Surface of the ground, in place of `z`.
     """
 
@@ -171,11 +177,15 @@ class Scene(Checked, _Shared):
         tolerance: Sides touch that are as near as this, m, and blocks may overlap by it; None: a
             part of their thickness.
         title: Of pictures and result.
+        read: How many blocks a file names, how many were read.
+        notes: What of a file was left out, or taken otherwise than written.
     """
 
     blocks: tuple[Block, ...]
     live: Load = field(default_factory=Load)
     dead: Load = field(default_factory=Load)
+    read: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -254,8 +264,9 @@ class Scene(Checked, _Shared):
         """
         tables = from_table(_SceneTables, given)
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
-        blocks = blocks_of_table(tables.blocks, folder)
-        return cls(blocks=blocks, live=tables.loads.live, dead=tables.loads.dead, **shared)
+        blocks, read, notes = blocks_of_table(tables.blocks, folder)
+        live, dead = tables.loads.live, tables.loads.dead
+        return cls(blocks=blocks, live=live, dead=dead, read=read, notes=notes, **shared)
 
     def structure(self) -> Structure:
         """The structure, ground with it, with contacts, laws and loads.
@@ -265,35 +276,53 @@ class Scene(Checked, _Shared):
         """
         size = float(np.median([b.volume for b in self.blocks if not b.fixed])) ** (1.0 / 3.0)
         near = max(NEAR * size, self.tolerance or 0.0)
-        blocks = (*self.blocks, *self._ground(DEPTH * size, near))
+        blocks = (*self.blocks, *self._ground(DEPTH * size))
         touching, warnings = checked_contacts(blocks, self.tolerance)
         acting = list(self._acting(touching, blocks))
-        require(bool(acting), "blocks: no two of them touch, so that nothing holds them")
+        text = "blocks: no two of them touch, so that nothing holds them"
+        require(bool(acting), "; ".join([text, *warnings]))
         contacts, laws = zip(*acting, strict=True)
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
         floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
-        pushed = masses.with_(*(floors[n] for n, floor in self.floors.items() if floor.mass))
-        foot = min(blocks[k].extent[0][2] for k in moving)
-        factors = self.live.factors(pushed.position[:, 2] - foot, pushed.mass)
-        dead = surface_loads("loads.dead", self.dead, blocks, self.sides, near)
-        dead += masses.loads(blocks, self.dead.acceleration)
-        for floor in floors.values():
-            dead += floor.loads(blocks, np.array([0.0, 0.0, -GRAVITY]))
-        live = surface_loads("loads.live", self.live, blocks, self.sides, near)
-        live += pushed.loads(blocks, self.live.acceleration, factors)
+        pushed = masses.with_(*(floors[n][0] for n, floor in self.floors.items() if floor.mass))
+        foot = min(lowest(blocks[k], self._up) for k in moving)
+        factors = self.live.factors(pushed.position @ self._up - foot, pushed.mass)
+        dead = dict(surface_loads("loads.dead", self.dead, blocks, self.sides, near))
+        down = np.array([0.0, 0.0, -GRAVITY])
+        dead |= {f"floors.{n}": mass.acting(down, on=on) for n, (mass, on) in floors.items()}
+        live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
+        given = {**dead, **live}
+        dead["loads.dead.body"] = masses.acting(self.dead.acceleration)
+        live["loads.live.body"] = pushed.acting(self.live.acceleration, factors)
         return Structure(
             blocks,
             contacts,
             laws,
-            dead,
-            live,
+            total("loads.dead", blocks, dead),
+            total("loads.live", blocks, live),
             self.solve.quick,
             tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            warnings,
+            (*self.notes, *self._odd_sizes(), *warnings),
+            tuple(text for text in warnings if isinstance(text, Doubt)),
+            acting=given,
         )
+
+    def _odd_sizes(self) -> Iterator[str]:
+        """Blocks of a size that is probably that of another unit."""
+        odd = []
+        for block in (block for block in self.blocks if not block.fixed):
+            width = float(np.ptp(block.extent, axis=0).max())
+            mass = block.volume * self.material(block).density
+            if not SMALLEST <= width <= WIDEST:
+                odd.append(f"block '{block.name}' is {width:.3g} m wide")
+            elif mass > HEAVIEST:
+                odd.append(f"block '{block.name}' weighs {1e-3 * mass:.3g} t")
+        if odd:
+            more = f" (and {len(odd) - 1} more)" if odd[1:] else ""
+            yield f"{odd[0]}{more}: are the numbers in m? A file has blocks.unit"
 
     def material(self, block: Block) -> Material:
         """Material of a block.
@@ -307,23 +336,29 @@ class Scene(Checked, _Shared):
         require(bool(found), f"block '{block.name}' has no material; give {cure}")
         return found[0]
 
-    def _ground(self, depth: float, near: float) -> Iterator[Block]:
-        """Fixed blocks below the sides of the others that lie on rigid ground."""
+    @property
+    def _up(self) -> Array:
+        """Unit vector against the dead load where that acts along x or y; else z."""
+        weight = self.dead.acceleration
+        axis = int(np.argmax(np.abs(weight)))
+        along = abs(weight[axis]) > SAME_DIRECTION * np.linalg.norm(weight)
+        return -np.sign(weight[axis]) * np.eye(3)[axis] if axis < 2 and along else np.eye(3)[2]
+
+    def _ground(self, depth: float) -> Iterator[Block]:
+        """Fixed blocks below what lies on rigid ground, or nearly does."""
         given: Mapping[str, Any] = self.foundations
         if not given and not any(block.fixed for block in self.blocks):
             given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
-        lowest = min(block.extent[0][2] for block in self.blocks)
         moving = [block for block in self.blocks if not block.fixed]
         for name, law in given.items():
-            plane = law.plane or Plane((0.0, 0.0, lowest if law.z is None else law.z))
-            down = -np.array(plane.normal) / np.linalg.norm(plane.normal)
-            sides = Sides(normal=(down[0], down[1], down[2]), point=plane.point)
-            tops = [corners for _, corners in sides.of(moving, near)]
-            text = f"foundations.{name}: no block has a side on the ground; see its z or plane"
-            require(bool(tops), text)
-            lows = [t.mean(axis=0) * (1 - NARROWER) + t * NARROWER + depth * down for t in tops]
-            bodies = [Polyhedron.hull(np.vstack(pair)) for pair in zip(tops, lows, strict=True)]
-            yield Block(tuple(bodies), name, f"foundations.{name}", fixed=True)
+            up = self._up if law.z is None else np.eye(3)[2]
+            level = min(lowest(b, up) for b in self.blocks) if law.z is None else law.z
+            if law.plane is not None:
+                up = np.array(law.plane.normal) / np.linalg.norm(law.plane.normal)
+                level = float(up @ law.plane.point)
+            key = f"foundations.{name}"
+            bodies = ground_below(key, moving, (up, level), depth, self.tolerance)
+            yield Block(bodies, name, key, fixed=True)
 
     def _moved(self, blocks: Sequence[Block]) -> Array | None:
         """Motions of the ground, m and rad, shape (blocks, 6)."""
@@ -466,20 +501,39 @@ class _Changes(Checked):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def blocks_of_table(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
+def blocks_of_table(
+    table: Mapping[str, Any], folder: Path
+) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
     """Blocks of the table [blocks]: of a file, of a builder, or one by one.
+
+    Returns:
+        The blocks; of a file how many were read, and what was left out.
 
     Raises:
         InputError: If they are wrong.
     """
     require(bool(table), "blocks is missing; give file, builder, or [blocks.NAME]")
+    if isinstance(up := table.get("up"), str):
+        require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
+        order, signs = UPWARDS[up]
+        blocks, read, notes = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
+        turned = [
+            replace(
+                block,
+                pieces=tuple(
+                    Polyhedron(p.corners[:, order] * signs, p.sides) for p in block.pieces
+                ),
+            )
+            for block in blocks
+        ]
+        return tuple(turned), read, notes
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
     shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
-    return tuple(shape.block(name) for name, shape in shapes.items())
+    return tuple(shape.block(name) for name, shape in shapes.items()), "", ()
 
 
-def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
+def _made(table: Mapping[str, Any], folder: Path) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
     """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
     given = dict(table)
     changes = from_table(
@@ -488,9 +542,9 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
     if "file" in given:
         refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
         readers = import_module("fenics_contact.spatial.readers")
-        blocks = readers.blocks_from_file(folder / given["file"], given.get("unit"))
+        blocks, read, notes = readers.read_blocks(folder / given["file"], given.get("unit"))
     else:
-        blocks = _built(str(given.pop("builder")), given)
+        blocks, read, notes = _built(str(given.pop("builder")), given), "", ()
     names = [name for block in blocks for name in (block.name, block.group)]
     wished: list[tuple[str, Any]] = [(pattern, {"fixed": True}) for pattern in changes.fixed]
     wished += [(p, {"group": g}) for g, patterns in changes.groups.items() for p in patterns]
@@ -500,7 +554,7 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[Block, ...]:
         text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
         require(bool(chosen), text)
         blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
-    return blocks
+    return blocks, read, notes
 
 
 def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
-from fenics_contact.spatial.loads import Bar
+from fenics_contact.spatial.loads import Acting, Bar
 from fenics_contact.spatial.points import points_of
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.spatial.polyhedra import TINY, Block
 
 #: Shear stiffness of a face, in parts of its normal stiffness.
 SHEAR = 0.4
@@ -55,7 +56,7 @@ class ContactPoints:
     contact: Indices
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Rigid blocks in space with their contacts and loads.
 
@@ -74,6 +75,9 @@ class Structure:
             6).
         young: Young's modulus of joints, Pa.
         warnings: Of its geometry.
+        doubts: Those of the warnings that say what is not understood: while there are some, nothing
+            is proved to fall.
+        acting: Tractions, forces and floors by their keys.
     """
 
     blocks: tuple[Block, ...]
@@ -86,6 +90,8 @@ class Structure:
     moved: Array | None = None
     young: float = 1.0
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    acting: Mapping[str, Acting] = field(default_factory=dict)
 
     @cached_property
     def size(self) -> float:
@@ -130,9 +136,10 @@ class Structure:
         return [contact.area for contact, law in pairs if law.key == key]
 
     @cached_property
-    def crushes(self) -> Array:
-        """Which contacts have a compressive strength, shape (contacts,)."""
-        return np.isfinite([law.compressive_strength for law in self.laws])
+    def crushes(self) -> Flags:
+        """Which contacts have an area and a compressive strength, shape (contacts,)."""
+        plane = [len(contact.corners) > 2 for contact in self.contacts]
+        return np.asarray(np.isfinite([law.compressive_strength for law in self.laws]) & plane)
 
     @cached_property
     def axes(self) -> Array:
@@ -190,12 +197,17 @@ class Structure:
     def mode(self, motion: Array) -> Array:
         """Motions of all blocks, shape (blocks, 6), that go with generalised ones.
 
-        Scaled to a largest velocity of 1.
+        Scaled to a largest velocity of a corner of 1.
         """
         mode = np.zeros((len(self.blocks), 6))
         mode[self.number >= 0] = motion.reshape(-1, 6)
         mode[:, 3:] /= self.size
-        return np.asarray(mode / np.linalg.norm(mode[:, :3], axis=1).max(initial=1e-300))
+        fastest = TINY
+        for block, (*velocity, p, q, r) in zip(self.blocks, mode.tolist(), strict=True):
+            for piece in block.pieces if not block.fixed else ():
+                turned = np.cross([p, q, r], piece.corners - block.centroid)
+                fastest = max(fastest, float(np.linalg.norm(velocity + turned, axis=1).max()))
+        return mode / fastest
 
     @cached_property
     def given_force(self) -> Array:
@@ -220,7 +232,9 @@ class Structure:
     def face_model(self, sign: float = 1.0) -> FaceModel:
         """What the engine sees, with the live load or the reverse of it (sign -1)."""
         count = len(self.points.area)
-        area = np.maximum(self.points.area, 1e-6 * self.points.area.max())
+        area = self.points.area
+        middle = np.median(area[area > 0.0]) if area.any() else self.size**2  # edges are as stiff
+        area = np.where(area > 0.0, np.maximum(area, 1e-6 * area.max()), middle)
         compliance = np.outer(self.size / area, [1.0, 1.0 / SHEAR, 1.0 / SHEAR])
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])
@@ -237,10 +251,11 @@ class Structure:
             moved = self.young * self.moved * np.repeat([1.0, self.size], 3)
             offset += np.asarray(self._motions @ moved.ravel()).reshape(offset.shape)
         motion = self.relative_motion()
+        weights = self.generalised(self.dead)
         return FaceModel(
             motion=motion,
             pressing=1,
-            dead=self.generalised(self.dead) + np.asarray(motion.T @ self.given_force.ravel()),
+            dead=weights + np.asarray(motion.T @ self.given_force.ravel()),
             live=sign * self.generalised(self.live),
             strength=np.maximum(strength, 0.0),
             friction=friction,
@@ -249,4 +264,6 @@ class Structure:
             kappa=np.zeros(len(compliance)),
             offset=offset if np.any(offset) else None,
             components=3,
+            weights=weights,
+            block=np.repeat(np.arange(motion.shape[1] // 6), 6),
         )

@@ -8,6 +8,8 @@ middle crosses the surface an odd number of times.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -15,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.errors import require
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import SIZES, connected
+from fenics_contact.spatial.contacts import APART
 from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron, edges_of, not_closed
 
 #: Points of a surface that are nearer to each other than this are one, in parts of its width.
@@ -30,6 +33,8 @@ AREA = 1e-4
 VOLUME = 1e-8
 #: Convex pieces of a body.
 MOST_PIECES = 200
+#: Lower side of the ground below a face, in parts of it: it touches what is above alone.
+NARROWER = 0.9
 #: Direction of a ray that meets no edge of what people draw.
 RAY = np.array([0.4791, 0.5417, 0.6907])
 
@@ -45,22 +50,70 @@ class Surface:
         faces: Their corners, m, in either sense, each of shape (corners, 3).
         group: Key of materials and joints.
         fixed: Whether the block is ground.
+        rounding: Distance of the numbers that the file can hold there, m; 0 if of no account.
     """
 
     name: str
     faces: list[Any]
     group: str = "default"
     fixed: bool = False
+    rounding: float = 0.0
 
 
-def blocks_of(surface: Surface, source: str) -> list[Block]:
+def is_flat(surface: Surface) -> bool:
+    """Whether all faces of a surface lie in one plane, and it has an extent there."""
+    points = np.vstack(surface.faces)
+    if len(points) < 3 or not np.isfinite(points).all():
+        return False
+    sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(sizes[-1] <= FLAT * sizes[0] < sizes[1])
+
+
+def ground_of(surface: Surface, blocks: Sequence[Block], source: str) -> Block:
+    """The fixed block below a flat surface that blocks lie on.
+
+    Raises:
+        InputError: If none do, or they do on both sides; or if they are below it, along the axis
+            to which it is nearest, and nothing says that it is ground.
+    """
+    points = np.vstack(surface.faces)
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][-1]
+    across = points - np.outer((points - middle) @ normal, normal)
+    thickness = []
+    sides = set()
+    for piece in (piece for block in blocks for piece in block.pieces):
+        height = (piece.corners - middle) @ normal
+        foot = piece.corners[np.abs(height) <= APART * piece.thickness]
+        within = len(foot) > 2 and (foot.min(axis=0) <= across.max(axis=0)).all()
+        if within and (foot.max(axis=0) >= across.min(axis=0)).all():
+            thickness.append(piece.thickness)
+            sides.add(float(np.sign(height.sum())))
+    up = normal * (sides.pop() if len(sides) == 1 else 0.0)
+    above = up.any() and (surface.fixed or up.max() > -up.min())
+    where = f"{source}: block '{surface.name}'"
+    require(bool(above), f"{where} has no volume; draw its whole surface, or delete it")
+    down = -min(thickness) / 3.0 * up  # a plate of this depth has three times its thickness
+    pieces = []
+    for face in surface.faces:
+        low = face.mean(axis=0) * (1.0 - NARROWER) + face * NARROWER + down
+        pieces.append(Polyhedron.hull(np.vstack([face, low])))
+        require(not pieces[-1].problem, f"{where} has a face without area; delete it")
+        edges = np.roll(face, -1, axis=0) - middle
+        area = 0.5 * abs(float(np.cross(face - middle, edges).sum(axis=0) @ normal))
+        top = pieces[-1].areas[np.argmax(pieces[-1].normals @ up)]
+        require(abs(top - area) < AREA * top, f"{where} has a face that is not convex; cut it")
+    return Block(tuple(pieces), surface.name, surface.group, fixed=True)
+
+
+def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Block]:
     """Blocks of a surface: every closed set of faces is one.
+
+    Faces that are there again are counted as left out.
 
     Raises:
         InputError: If there are none, or one is open, touches itself, or has no volume.
     """
-    from scipy.spatial import cKDTree
-
     where = f"{source}: block '{surface.name}'"
     points = np.vstack([np.empty((0, 3)), *surface.faces])
     require(len(points) > 0, f"{where} has no faces; delete it, or draw its surface")
@@ -70,17 +123,16 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
     largest = np.abs(points).max()
     text = f"{where} is {width:g} m wide, {largest:g} m from the origin; give another unit"
     require(SIZES[0] <= width and largest <= SIZES[1], text)
-    near = cKDTree(points).query_pairs(WELD * width, output_type="ndarray")
-    label = connected(near, len(points))
-    _, first, place = np.unique(label, return_index=True, return_inverse=True)
-    points = points[first]
+    points, place = _welded(points, WELD * width)
     loops: list[Loop] = []
     for numbers in np.split(place, np.cumsum([len(face) for face in surface.faces])[:-1]):
         loop = tuple(k for k, _ in groupby(numbers.tolist()))
         loop = loop[:-1] if loop[:1] == loop[-1:] else loop
         if len(set(loop)) > 2:
             loops.append(loop)
-    bodies = _bodies(loops)
+    once = _once(loops)
+    left_out["faces written again"] += len(loops) - len(once)
+    bodies = _bodies(once)
     require(bool(bodies), f"{where} has no faces with an area; draw it anew")
     blocks = []
     for number, body in enumerate(bodies, start=1):
@@ -88,8 +140,18 @@ def blocks_of(surface: Surface, source: str) -> list[Block]:
         pieces = _pieces_of(points, body, f"{source}: block '{name}'")
         for piece in pieces:
             require(not piece.problem, f"{source}: block '{name}': {piece.problem}")
-        blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed))
+            rough = f"{surface.rounding:.2g} m, too far from the origin for its numbers"
+            text = f"{source}: block '{name}' has corners rounded to {rough}; save it nearer to it"
+            require(surface.rounding <= APART * piece.thickness, f"{text}, or as text")
+        blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed, len(pieces) > 1))
     return blocks
+
+
+def _once(loops: list[Loop]) -> list[Loop]:
+    """Faces without those written again, if that closes the surface: bodies may share a face."""
+    once = list({frozenset(loop): loop for loop in loops}.values())
+    edges = Counter(edge for loop in once for edge in edges_of(loop))
+    return once if set(edges.values()) == {2} else loops
 
 
 def _bodies(loops: list[Loop]) -> list[list[Loop]]:
@@ -132,6 +194,16 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
             if not body.problem:
                 return [body]
     return _cut(points, loops, where, size)
+
+
+def _welded(points: Array, near: float) -> tuple[Array, Indices]:
+    """Points without those that are near to others, and numbers of those instead of all."""
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    label = connected(pairs, len(points))
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
+    return points[first], place
 
 
 def _hull(points: Array, size: float) -> Any:
@@ -191,7 +263,7 @@ def _cut(points: Array, loops: list[Loop], where: str, size: float) -> list[Poly
             height = above[np.argmax(cuts)]
             cells += [_part(corners, sign * height, flat) for sign in (1.0, -1.0)]
         elif hull.volume > 10.0 * flat * hull.area and _inside(corners.mean(axis=0), triangles):
-            pieces.append(Polyhedron.hull(corners))
+            pieces.append(Polyhedron.hull(_welded(corners, flat)[0]))
         text = "give it as several blocks, or simpler"
         many = f"{where} is not convex and has more than {MOST_PIECES} convex pieces; {text}"
         require(len(pieces) + len(cells) <= MOST_PIECES, many)

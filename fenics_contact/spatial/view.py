@@ -78,7 +78,8 @@ class SpatialView:
             state = np.digitize(pull / limit, [SLACK, YIELDS])  # numbers of TieState
             ties = {"name": np.array(names), "force": pull, "yield": limit, "state": state}
         mode = np.zeros((len(structure.blocks), 6)) if collapse.mode is None else collapse.mode
-        view = cls(structure, mode, collapse.force, collapse.falling, collapse.sign, ties)
+        marked = collapse.falling * (collapse.mode is None)  # a collapse shows what moves
+        view = cls(structure, mode, collapse.force, marked, collapse.sign, ties)
         fastest = float(np.linalg.norm(view.displacement, axis=1).max()) or 1.0
         told = collapse_in_short(collapse)
         return replace(view, motion=AMPLITUDE * view.size / fastest * mode, caption=told)
@@ -222,8 +223,8 @@ class ContactValues:
     """What contacts carry and do; all of shape (contacts,).
 
     Attributes:
-        pressure: Mean, Pa.
-        shear_stress: Mean of the size of shear stresses, Pa.
+        pressure: Mean, Pa; 0 in edges and corners, which have no area.
+        shear_stress: Mean of the size of shear stresses, Pa; likewise.
         utilisation: Shear over what friction and cohesion allow, 0 ... 1; a twist counts, too.
         opening: Largest one of a point, m.
         slip: Likewise.
@@ -242,8 +243,8 @@ class ContactValues:
         friction = np.array([law.friction for law in structure.laws])
         allowed = friction * pressing + [law.cohesion for law in structure.laws] * area
         acts = allowed > NOTHING * allowed.max(initial=0.0)
-        self.pressure = pressing / area
-        self.shear_stress = shear / area
+        self.pressure = pressing / np.where(area > 0.0, area, np.inf)
+        self.shear_stress = shear / np.where(area > 0.0, area, np.inf)
         self.utilisation = np.minimum(shear / np.where(acts, allowed, np.inf), 1.0)
         moved = relative_motions(structure, view.motion)[: len(points.area)]
         self.opening = np.maximum.reduceat(moved[:, 0], first)

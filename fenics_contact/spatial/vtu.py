@@ -1,4 +1,4 @@
-"""Files for ParaView: blocks with the collapse mode, contacts with what they carry, the motion.
+"""Files of fields: forces at points; for ParaView blocks and their motion, contacts.
 
 VTU is XML with arrays in base64, packed by zlib (VTK file formats, https://docs.vtk.org). Convex
 pieces are polyhedra of VTK, contacts polygons.
@@ -15,11 +15,14 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.spatial.result import SpatialLimit
+from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.view import SpatialView, views_of
 
 #: Types of cells in VTK files.
 POLYGON, POLYHEDRON = 7, 42
+#: Of contacts in corners and edges, by how many corners they have.
+VERTEX, LINE = 1, 3
 #: Files of the motion, after that at rest.
 STEPS = 10
 #: VTK's names of types.
@@ -35,8 +38,9 @@ Grid = dict[str, dict[str, Any]]
 def write_fields(result: SpatialLimit, folder: Path) -> None:
     """Write what ParaView shows of a result, on this rank, for every direction of the live load.
 
-    blocks.vtu has the blocks at rest with the collapse mode, contacts.vtu the contacts, and
-    collapse.pvd the motion in steps; with two directions, likewise blocks_negative.vtu, and so on.
+    blocks.vtu has the blocks at rest with the collapse mode, contacts.vtu the contacts, points.npz
+    the forces at their points, and collapse.pvd the motion in steps; with two directions, likewise
+    blocks_negative.vtu, and so on.
 
     Args:
         result: What was found.
@@ -45,7 +49,8 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
     Raises:
         OSError: If a file cannot be written.
     """
-    for view in views_of(result).values():
+    for name, view in views_of(result).items():
+        _write_points(folder / f"points{view.suffix}.npz", result.structure, result.ends[name])
         blocks = _blocks(view)
         _write_grid(folder / f"blocks{view.suffix}.vtu", blocks)
         _write_grid(folder / f"contacts{view.suffix}.vtu", _contacts(view))
@@ -58,6 +63,29 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
         if steps:
             series = FILE.format("Collection", "", f"<Collection>{steps}</Collection>")
             (folder / f"collapse{view.suffix}.pvd").write_text(series)
+
+
+def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> None:
+    """Write the forces at points, if any are known, with all that recomputes their equilibrium."""
+    if end.force is None or end.tension is None:
+        return
+    count = len(end.force)
+    blocks = np.column_stack([block for _, block, _ in structure.ends])
+    np.savez_compressed(
+        path,
+        **vars(structure.points),
+        axes=structure.axes[:count],
+        force=end.force,
+        blocks=blocks[:count],
+        names=np.array([block.name for block in structure.blocks], dtype=str),
+        centroid=np.array([block.centroid for block in structure.blocks]),
+        dead=structure.dead,
+        live=structure.live,
+        load_factor=end.load_factor,
+        tie_ends=np.array([bar.tie.ends for bar in structure.bars]).reshape(-1, 2, 3),
+        tie_blocks=blocks[count:],
+        tension=end.tension,
+    )
 
 
 def _blocks(view: SpatialView) -> Grid:
@@ -88,11 +116,13 @@ def _contacts(view: SpatialView) -> Grid:
     corners = [contact.corners for contact in view.structure.contacts]
     normal = np.array([contact.axes[0] for contact in view.structure.contacts])
     at_cells = {**vars(view.contacts), "normal": normal, "blocks": view.bodies.pairs}
-    return _grid(POLYGON, np.vstack(corners), np.array(list(map(len, corners))), at_cells)
+    counts = np.array(list(map(len, corners)))
+    kinds = np.select([counts == 1, counts == 2], [VERTEX, LINE], POLYGON)
+    return _grid(kinds, np.vstack(corners), counts, at_cells)
 
 
-def _grid(kind: int, points: Array, counts: Any, at_cells: Mapping[str, Any]) -> Grid:
-    """Cells of one kind, of as many of the points each, in turn."""
+def _grid(kind: int | Array, points: Array, counts: Any, at_cells: Mapping[str, Any]) -> Grid:
+    """Cells of a kind, or of one each, of as many of the points each, in turn."""
     cells = {
         "connectivity": np.arange(len(points)),
         "offsets": np.cumsum(counts),

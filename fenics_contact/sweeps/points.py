@@ -30,7 +30,7 @@ from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import limit_load, limit_load_of
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, read_toml, value_of
-from fenics_contact.workers import InPlace, Ranks
+from fenics_contact.workers import InPlace, Ranks, result_of
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
 DIGITS = 12
@@ -372,7 +372,6 @@ def solved_points(family: Family, points: Sequence[Values], beside: Executor) ->
 
     Raises:
         InputError: If the scene cannot be given to other processes.
-        SolverError: If a process ends before its answer.
     """
     with closing(Structure()) as structure:
         if isinstance(beside, InPlace):
@@ -389,7 +388,7 @@ def solved_points(family: Family, points: Sequence[Values], beside: Executor) ->
                 wait(left, return_when=FIRST_COMPLETED)
             for done in [future for future in left if future.done()]:
                 del left[done]
-                yield done.result()
+                yield result_of(done, lambda: None)
 
 
 def _mine(future: Future[Point], beside: Executor) -> bool:

@@ -195,3 +195,13 @@ def test_curved_joints_that_are_pressed_beyond_their_strength_are_told(base):
     assert "exceeded at curved joints" in pressed and not found[1e9].positive.pressed
     assert f"warning: {pressed}" in summary(found[2e4])
     assert pressed in result_record(found[2e4])["warnings"]
+
+
+@pytest.mark.parametrize("strength", [2e5, 3e5, 1e6])
+def test_a_toe_that_crushes_is_named(strength):
+    """It crushes over W / f_c; how far its state is from the strength is within the state's gap."""
+    model = polygons([[(0, 0), (1, 0), (1, 2), (0, 2)]], 0.25, groups={"base": [((0, 0), (1, 0))]})
+    result = limit_load(scene(model, strength))
+    (place,) = result.positive.crushed
+    assert place.group == "base" and place.position == pytest.approx((1.0, 0.0))
+    assert place.length == pytest.approx(2.0 * WEIGHT / strength, rel=1e-3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -133,3 +135,16 @@ def test_loads_check_their_values():
             wrong()
     with pytest.raises(InputError, match=r"loads\.live\.earth\.side"):
         block(Load(earth={"side": EarthPressure(1.0, 1.0)}))
+
+
+@pytest.mark.parametrize("kind", ["live", "dead"])
+def test_a_load_that_cancels_on_every_block_is_refused(kind):
+    """What presses both sides of a block moves it nowhere."""
+    sides = {**BACK, "face": [((WIDTH, 0.0), (WIDTH, HEIGHT))]}
+    squeezed = Load(traction={"back": (1e3, 0.0), "face": (-1e3, 0.0)})
+    loads = {"live": Load((1.0, 0.0)), kind: squeezed}
+    scene = on_ground(polygons([BLOCK], 0.23, groups=sides), coulomb(0.5), **loads)
+    with pytest.raises(InputError, match=f"loads.{kind}: what is given cancels"):
+        limit_load(scene)
+    more = replace(squeezed, body=(0.0, -9.81) if kind == "dead" else (1.0, 0.0))
+    assert limit_load(replace(scene, **{kind: more})).status == "limit"

@@ -39,7 +39,8 @@ def test_live_load_that_relieves_a_sliding_joint_does_negative_work(lean):
     result = limit_load(recipe.scene(2))
     assert result.status == "limit"
     exact = (0.5 * cosine - sine) / (0.5 - lean)
-    assert result.load_factor == pytest.approx(exact, rel=1e-8)
+    gap = result.collapse.as_state.gap
+    assert gap <= 1e-6 and result.load_factor == pytest.approx(exact, rel=max(gap, 1e-8))
     with Discretization(result.scene) as made:
         work = result.collapse.mode @ made.problem.live
     assert work == pytest.approx(-1.0, rel=1e-9)

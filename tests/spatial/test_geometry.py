@@ -180,13 +180,14 @@ def test_contacts_of_a_wall_and_of_its_turned_copy():
         assert two.axes == pytest.approx(one.axes @ TURN.T, abs=1e-9)
 
 
-def test_edges_and_corners_that_touch_are_no_contacts():
+def test_edges_and_corners_that_touch_others_are_told_of():
+    """Planes of two or three sides part such cubes: no normal is known."""
     cube = box([0, 0, 0], [1, 1, 1], "a", fixed=True)
     for low in ([1, 0, 1], [1, 1, 1], [1, 0.5, -1], [1.0 + 5e-6, 0, 1.0]):
         other = box(low, np.array(low) + 1.0, "b")
-        contacts, warnings = checked_contacts([cube, other])
+        contacts, (doubt,) = checked_contacts([cube, other])
         assert contacts == ()
-        assert warnings == ("block 'b' touches nothing: it falls, if no tie holds it",)
+        assert doubt.startswith("blocks 'a' and 'b' touch in an edge or corner where more than one")
 
 
 def test_slivers_are_left_out():
@@ -224,9 +225,13 @@ def test_a_side_turned_by_little_touches_within_the_tolerance():
     (contact,) = checked_contacts(blocks)[0]
     assert contact.area == pytest.approx(1.0)
     corners[[1, 2], 2] += 1e-3
-    contacts, (gap, _) = checked_contacts([GROUND, Block((Polyhedron.hexahedron(corners),), "a")])
-    assert contacts == ()
+    blocks = [GROUND, Block((Polyhedron.hexahedron(corners),), "a")]
+    (edge,), (told, gap) = checked_contacts(blocks)
+    assert edge.corners[:, 0] == pytest.approx(0.0)
+    assert "'ground' and 'a' touch in an edge" in told
     assert "'ground' and 'a' are 0.0012 m apart" in gap
+    (contact,), _ = checked_contacts(blocks, tolerance=0.00121)
+    assert contact.area == pytest.approx(1.0)
 
 
 def test_overlaps_are_refused():

@@ -261,7 +261,7 @@ def test_a_folder_of_files(tmp_path):
 
 
 def test_compas_model(tmp_path):
-    """compas_model: elements beside a tree, and contacts in a graph; places are refused."""
+    """compas_model: elements beside a tree, and contacts in a graph."""
     elements = {
         block.name: {
             "dtype": "Block",
@@ -283,10 +283,6 @@ def test_compas_model(tmp_path):
     path.write_text(json.dumps({"dtype": "compas_model.models/Model", "data": model}))
     found = blocks_from_file(path)
     assert [(b.name, b.fixed) for b in found] == [("base", True), ("low", False), ("high", False)]
-    elements["low"]["data"]["transformation"] = {"data": {"matrix": np.eye(4).tolist()}}
-    path.write_text(json.dumps({"dtype": "compas_model.models/Model", "data": model}))
-    with pytest.raises(InputError, match="json': block 'low' has a transformation; save"):
-        blocks_from_file(path)
 
 
 def test_lists_of_vertices_and_faces(tmp_path):

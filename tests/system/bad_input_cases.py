@@ -274,7 +274,7 @@ SCENE_FILES = {
     "not UTF-8 at the end": only_scene(b"title = '' # \xff", "UTF-8"),
     "two marks": only_scene("\ufeff\ufefftitle = ''", "TOML"),
     "a folder": only_scene({}, "folder"),
-    "too long": only_scene(10**6 * " " + "a", "1000000"),
+    "too long": only_scene(32 * 10**6 * " " + "a", "32000000"),
     "lists in lists": only_scene("a = " + 5000 * "[", "20"),
     "few lists in lists": only_scene(f"a = {30 * '['}{30 * ']'}", "20"),
     "tables in tables": only_scene("a" + 3000 * ".a" + " = 1", "20"),

@@ -146,10 +146,13 @@ def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: 
     return printed
 
 
-def test_ctrl_c_keeps_what_is_done(tmp_path):
+@pytest.mark.parametrize(
+    ("number", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "1"), (signal.SIGTERM, "2")]
+)
+def test_ctrl_c_and_sigterm_keep_what_is_done(number, jobs, tmp_path):
     write_scene(tmp_path, mesh="wall")
     line = ["sweep", "scene.toml", "-o", "out", "--vary", f"{BOTH}=0.2:0.6:12"]
-    printed = stopped(line, tmp_path, signal.SIGINT, 2)
+    printed = stopped([*line, "--jobs", jobs], tmp_path, number, 2)
     assert "the same command goes on" in printed
     assert 2 <= len(rows(tmp_path / "out")) < 12
     found = run(line, tmp_path)

@@ -263,3 +263,14 @@ def test_names_that_gmsh_does_not_keep(name, sheet):
     for group in contents.drawing.groups:
         assert len(group.encode()) <= 127 and '"' not in group
     assert sum("gmsh does not keep its name" in note for note in contents.notes) == 2
+
+
+@pytest.mark.parametrize("far", [1e9, 3e9, 1e12])
+def test_lines_to_nowhere_beside_which_all_others_are_points(far, tmp_path):
+    sheet = Sheet(tmp_path / "drawing.dxf")
+    w, h, base = 0.68, 0.85, "base"
+    sheet.lines(((-4e-8, 0), (0, 1e20)), ((w, 0), (w, h)), ((0, 0), (w, 0)), layer=base)
+    sheet.lines(((0, 0.5 * h), (w, 0.5 * h)), ((0, h), (w, h - 1e-6)), layer=base)
+    sheet.lines(((0, 0), (far, 1)), layer="frame")
+    with pytest.raises(InputError, match="no line is longer than the distance of points"):
+        sheet.read(snap=0.001)

@@ -13,6 +13,7 @@ from fenics_contact import InputError, JointLaw, Load, Scene, SolveOptions, limi
 from fenics_contact.console import description
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
+from tests.bank import GRAVITY
 from tests.drawing import rectangle
 from tests.helpers import STONE, coulomb, on_ground
 
@@ -142,3 +143,32 @@ def test_ground_is_not_glued():
     scene = tower([0.0, 1.5])
     with pytest.raises(InputError, match=r"foundations.base.glued: make the group a support"):
         replace(scene, foundations={"base": GLUED})
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "decides"),
+    [(1e7, 1e5, 1e7), (2e5, 1e7, 2e5), (None, 1e5, np.inf), (1e5, None, 1e5), (3e5, 3e5, 3e5)],
+)
+def test_the_stone_at_the_joint_crushes_not_what_is_glued_on_it(low, high, decides):
+    """It rocks about the middle of what its toe crushes: lambda h = b - W / f_c."""
+    scene = tower([0.0, 0.4, 0.8, 1.5], live=Load((GRAVITY, 0.0)))
+    kinds = {"low": replace(STONE, compressive_strength=low)}
+    kinds["high"] = replace(STONE, compressive_strength=high)
+    result = limit_load(replace(scene, materials=kinds))
+    weight = STONE.density * GRAVITY * 0.5 * 1.5
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx((0.5 - weight / decides) / 1.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("apart", [1e-8, 4e-8])
+@pytest.mark.parametrize("softer", [1.0, 1e-2, 1e-3])
+def test_faces_of_glued_blocks_whose_nodes_are_not_quite_in_one_place(apart, softer):
+    """Stiff glue makes forces of their rigid rotation: the state is in equilibrium without them."""
+    drawn = [(0.0, 0.0, 0.5, 0.8), (apart, 0.8, 0.5 + apart, 1.5)]
+    model = polygons([rectangle(*one) for one in drawn], 0.2, ["low", "high"], BASE)
+    options = SolveOptions(engine="faces")
+    scene = on_ground(model, GLUED, foundations={"base": coulomb(0.7)}, solve=options, degree=2)
+    kinds = {"low": STONE, "high": replace(STONE, young=softer * STONE.young)}
+    result = limit_load(replace(scene, materials=kinds))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(0.5 / 1.5, rel=1e-3)

@@ -55,6 +55,17 @@ def test_commands_say_what_to_install(command):
         assert any(way in line for line in ways), way
 
 
+@pytest.mark.parametrize("lost", ["numpy", "scipy", "matplotlib,shapely"])
+@pytest.mark.parametrize("more", ["", f",{FENICSX}"])
+def test_commands_say_what_pip_installs(lost, more):
+    done = run_without(lost + more, COMMAND_LINE, "solve", "scene.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    listed = lost.replace(",", " and ")
+    assert done.stderr.startswith(f"fenics-contact: {listed} ")
+    assert " not installed (pip install numpy scipy matplotlib shapely)" in done.stderr
+    assert ("apt install python3-dolfinx" in done.stderr) == bool(more)
+
+
 @pytest.mark.parametrize("wanted", ["fenics_contact", "fenics_contact.meshing"])
 def test_python_says_what_to_install(wanted):
     name = {"fenics_contact": "limit_load", "fenics_contact.meshing": "wall"}[wanted]

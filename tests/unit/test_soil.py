@@ -12,6 +12,7 @@ import pytest
 from fenics_contact import (
     EdgeForce,
     InputError,
+    JointLaw,
     Load,
     Scene,
     Soil,
@@ -78,7 +79,7 @@ def test_block_slides_into_soil_and_away_from_it(engine, degree):
 def test_block_topples_into_soil(engine):
     """About its toe: lambda W h/2 = W b/2 + M_p; away from it about the other, - M_a."""
     weight = 0.5 * STONE.density * GRAVITY
-    result = limit_load(block(5.0, width=0.5, solve=replace(BOTH, engine=engine)))
+    result = limit_load(block(5.0, width=0.5, solve=replace(BOTH, engine=engine, gap=1e-7)))
     _, moment = pressure()
     assert result.load_factor == pytest.approx(0.5 + 2.0 * MOST * moment / weight, rel=1e-6)
     away = -0.5 + 2.0 * LEAST * moment / weight
@@ -219,3 +220,26 @@ def test_messages(change, text):
     with pytest.raises(InputError, match=text):
         soil = Soil("right", 0.8, UNIT, ANGLE)
         Discretization(block(0.3, soil=replace(soil, **change)))
+
+
+@pytest.mark.parametrize("level", [1.5, 2.15, 2.7, 3.9])
+@pytest.mark.parametrize("cells", [1.0, 2.0])
+def test_pile_turns_between_soils_whatever_its_cells(level, cells):
+    """It turns about a place at the height c, 0 < c < level, and lifts about its toe.
+
+    Soil on both sides resists with (k_p - k_a) s |y - c|; least of all over c.
+    """
+    edges = sides(base=(0, 0, 0.6, 0), left=(0, 0, 0, 4), right=(0.6, 0, 0.6, 4))
+    model = polygons([rectangle(0.0, 0.0, 0.6, 4.0)], cells, groups=edges)
+    soil = {name: Soil(name, level, UNIT, active=0.271, passive=3.69) for name in ("left", "right")}
+    force = 1e4
+    live = Load(force={"top": EdgeForce((force, 0.0), 0.0, 4.0)})
+    scene = on_ground(model, JointLaw("frictionless"), live=live, soil=soil)
+    y, step = np.linspace(0.0, level, 20001, retstep=True)
+    places = np.linspace(0.0, level, 2001)
+    resists = [(3.69 - 0.271) * UNIT * step * np.sum((level - y) * abs(y - c)) for c in places]
+    lifts = STONE.density * GRAVITY * 0.6 * 4.0 * 0.3
+    exact = np.min((np.array(resists) + lifts) / (4.0 - places)) / force
+    result = limit_load(scene)
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(exact, rel=1e-3)

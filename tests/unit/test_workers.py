@@ -1,9 +1,13 @@
 """Tasks by other processes, other ranks, or here: results, failures, and who may stop them."""
 
 import operator
+import os
+import signal
+import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,11 +57,47 @@ def test_tasks_in_place_are_done_when_asked_for():
     assert future.result() is None and future.result() is None and done == [1]
 
 
-def test_a_process_that_ends_is_an_error_with_its_code():
-    with Processes(1) as executor:
-        lost = executor.submit(sys.exit, 3)
-        with pytest.raises(SolverError, match=r"ended early \(exit code 3\)"):
-            result_of(lost, go_on)
+def dies_elsewhere(here, number):
+    if os.getpid() != here:
+        os.kill(os.getpid(), number)
+    return os.getpid()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_task_of_a_process_that_ends_is_done_here(number, count):
+    with Processes(count) as executor:
+        lost = executor.submit(dies_elsewhere, os.getpid(), number)
+        assert result_of(lost, go_on) == os.getpid()
+        others = [executor.submit(divmod, 7, n) for n in (2, 3, 4)]
+        assert [result_of(one, go_on) for one in others] == [(3, 1), (2, 1), (1, 3)]
+
+
+def running(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="by the kernel of Linux")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_no_process_outlives_the_one_that_started_it(number):
+    """Begun, and in a task that would go on for a minute."""
+    code = (
+        "import os, sys, time; from fenics_contact.workers import Processes;"
+        " p = Processes(2); pid = p.submit(os.getpid).result(); p.submit(time.sleep, 60);"
+        " p.submit(time.sleep, 60); print(pid, flush=True); time.sleep(60)"
+    )
+    program = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    worker = int(program.stdout.readline())
+    assert running(worker)
+    program.send_signal(number)
+    program.wait()
+    end = time.monotonic() + 5.0
+    while running(worker) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not running(worker)
 
 
 def test_who_waits_may_be_stopped_and_the_task_tells_what_it_knows():

@@ -184,7 +184,8 @@ class RigidBlocks:
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
         if self._bracket is not None:
-            return self._bracket.result().upper if self._bracket.done() else None
+            known = self._bracket.done() and self._bracket.exception() is None  # nor was it lost
+            return self._bracket.result().upper if known else None
         return self._upper if "_upper" in vars(self) or not self.model.is_large else None
 
     def stands(self) -> bool:
@@ -260,7 +261,10 @@ class RigidBlocks:
                 small = SEARCH.verified * model.units.size(0.0)
                 if end is not None and end <= small and self._fall is None:
                     return 0.0
-        return largest_load(model, self._answer)[0]
+        try:
+            return largest_load(model, self._answer)[0]
+        except SolverError:  # as of HiGHS where masses are far apart
+            return associative_end(model.units)
 
     @cached_property
     def _upper(self) -> float | None:

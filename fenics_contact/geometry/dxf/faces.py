@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.errors import InputError
 from fenics_contact.geometry.outlines import (
     divided_segments,
     outline_area,
@@ -59,6 +60,9 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     Args:
         chains: Corners of every chain, each of shape (corners, 2); closed ones end as they begin.
         near: Distance within which points are the same, and ends lie on lines.
+
+    Raises:
+        InputError: If no line is longer than that.
     """
     from shapely.geometry import MultiLineString
     from shapely.ops import polygonize, unary_union
@@ -68,6 +72,11 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     parts = np.split(corners, np.cumsum([len(chain) for chain in chains])[:-1])
     segments = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in parts])
     segments = segments[np.any(segments[:, 0] != segments[:, 1], axis=1)]
+    if not len(segments):
+        raise InputError(
+            "the drawing has no block: no line is longer than the distance of points that are the"
+            f" same, {near:g} m; delete what is drawn far away, or check --snap and the unit"
+        )
     starts, owner = divided_segments(segments, np.unique(corners, axis=0), near)
     ends = np.concatenate([starts[1:], starts[:1]])
     last = np.append(owner[1:] != owner[:-1], True)

@@ -1,0 +1,173 @@
+"""Whether loads in space have a state: forces inside the laws, or a motion that proves none.
+
+Forces that contacts carry with any self-stress need not be those of a state from rest: a stone
+between two upright walls is held by nothing. So an elastic state with Coulomb's law is asked for,
+as in the plane (`collapse.service_state`).
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from fenics_contact.errors import SolverError
+from fenics_contact.faces.kernel import Iterate
+from fenics_contact.faces.limit import FaceAttempt
+from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.results.result import NOT_KNOWN
+from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.certificate import missed, residuals_of
+from fenics_contact.spatial.crushing import Crushing
+from fenics_contact.spatial.result import SpatialCollapse, named
+from fenics_contact.spatial.structure import Structure
+
+
+@lru_cache(maxsize=1)
+def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
+    """The state under the dead load and a multiple of the live load, or why there is none.
+
+    The status is "equilibrium", "unstable" where a motion proves that there is none,
+    "no_equilibrium" where none was found, or "not_converged" if it misses a condition.
+
+    Raises:
+        InputError: If clarabel is missing, and the state crushes.
+    """
+    model = structure.face_model()
+    tried = FaceAttempt("forces of the contacts", load_factor, np.nan, 0)
+    nothing = SpatialCollapse(given=load_factor, attempts=(tried,))
+    if fall := falling(structure, model, load_factor):
+        return _fallen(structure, nothing, fall, "")
+    state = _from_rest(model, 0.0)  # what only the live load holds falls before
+    if state is not None and load_factor:
+        state = _from_rest(model, load_factor)
+    if state is None:
+        return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
+    nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
+    found = _held_against(structure, nothing, state.force)
+    if "crushing" in missed(found.residuals, SEARCH.gap):
+        with suppress(SolverError):
+            part, force, motion = _uncrushed(structure, model, load_factor)
+            if part < 1.0 - SEARCH.verified:
+                return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
+            return _held_against(structure, nothing, force)
+    return found
+
+
+def _from_rest(model: FaceModel, load_factor: float) -> Iterate | None:
+    """The state under loads from rest; from ground that has not moved, if there is none else."""
+    state = state_under(model, load_factor)
+    if state is None and model.offset is not None:
+        state = state_under(replace(model, offset=None), load_factor)
+    return state
+
+
+def _fallen(
+    structure: Structure, found: SpatialCollapse, fall: tuple[int, ...], does: str
+) -> SpatialCollapse:
+    """That blocks fall; a proof only where all of the geometry is understood."""
+    blocks = f"{named(structure, fall, 'fall')}{does}"
+    if structure.doubts:
+        reason = f"{blocks}, unless what is not understood holds: {'; '.join(structure.doubts)}"
+        return replace(found, status="no_equilibrium", reason=reason)
+    loads = "these loads" if found.given else "the dead load alone"
+    reason = f"there is no equilibrium under {loads}: {blocks}"
+    return replace(found, status="unstable", reason=reason, falling=fall)
+
+
+def _held_against(structure: Structure, found: SpatialCollapse, force: Array) -> SpatialCollapse:
+    """A state with the engine's forces, held against blocks, contacts and laws."""
+    known = structure.point_forces(force), structure.tensions(force)
+    found = replace(found, load_factor=found.given, force=known[0], tension=known[1])
+    found = replace(found, residuals=residuals_of(structure, found))
+    text = missed(found.residuals, SEARCH.gap)
+    status = "not_converged" if text else "equilibrium"
+    return replace(found, status=status, reason=f"the state misses {text}" if text else "")
+
+
+def _uncrushed(
+    structure: Structure, model: FaceModel, load_factor: float
+) -> tuple[float, Array, Array]:
+    """The largest part of the loads that does not crush; forces at all of them, and the motion.
+
+    The part is what the motion proves at most. Forces are shares of those of that part: without
+    loads there are none.
+
+    Raises:
+        InputError: If clarabel is missing.
+        SolverError: If it finds none.
+    """
+    loads = structure.generalised(structure.dead + load_factor * structure.live)
+    given = model.dead - structure.generalised(structure.dead)
+    whole = replace(model, dead=given, live=loads)
+    crushing = Crushing.of(structure)
+    none = np.zeros(len(model.strength))
+    part, force, motion, most = crushing.limit(whole, model.strength, model.friction, none)
+    share = 1.0 / max(part, 1e-300)
+    return most, share * force - (1.0 - share) * structure.given_force, motion
+
+
+def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) -> tuple[int, ...]:
+    """Numbers of the blocks that fall under the dead load and some live load; none if they stand.
+
+    The motion opens all contacts and the loads do work in it: no forces inside the cones resist.
+    Blocks that neither contacts nor ties join to the ground fall as they are.
+    """
+    count = len(structure.blocks)
+    ends = np.column_stack([block for _, block, _ in structure.ends])
+    held = np.where(np.append(structure.number, -1) < 0, count, np.arange(count + 1))[ends]
+    parts = connected(held, count + 1)
+    loose = (parts[:count] != parts[count]) & (structure.number >= 0)
+    motion = None if np.any(loose) else _proof(model, load_factor)
+    if motion is None and not np.any(loose):
+        return ()
+    widest = widest_motion(model, load_factor)
+    motion = motion if widest is None else widest
+    named = () if motion is None else _numbers(structure, motion)
+    return tuple(sorted({*named, *np.flatnonzero(loose).tolist()}))
+
+
+def _proof(model: FaceModel, load_factor: float) -> Array | None:
+    """A motion that no forces inside the cones resist, with rounding against it; or None."""
+    motion = motion_under(model, load_factor)
+    if motion is None:
+        return None
+    loads = model.dead + load_factor * model.live
+    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
+    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
+    doubt = power.closing.sum() * np.abs(loads).sum()
+    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    held = power.bound(model.strength) + doubt >= float(loads @ motion)
+    return None if held else motion
+
+
+def wedged_blocks(
+    structure: Structure, model: FaceModel, stressed: bool = False
+) -> tuple[int, ...]:
+    """Numbers of blocks that wedge where contacts carry the live load alone, of any size.
+
+    They do so from rest, or where they are `stressed` with any forces inside the cones.
+    """
+    crushes = np.append(structure.crushes[structure.points.contact], np.zeros(len(structure.bars)))
+    dilatancy = model.friction if stressed else model.dilatancy
+    state = state_alone(replace(model, kappa=model.kappa + crushes, dilatancy=dilatancy))
+    if state is None:
+        return ()
+    left = crushes[: len(structure.points.area)] == 0.0
+    force = np.linalg.norm(state.force, axis=1)[: np.count_nonzero(left)]
+    size = np.zeros((len(structure.blocks), 6))
+    for _, block, _ in structure.ends:
+        np.maximum.at(size[:, 0], block[: len(left)][left], force)
+    return _numbers(structure, size[structure.number >= 0])
+
+
+def _numbers(structure: Structure, size: Array) -> tuple[int, ...]:
+    """Numbers of the moving blocks that have what is not small, of six components each."""
+    size = np.linalg.norm(size.reshape(-1, 6), axis=1)
+    slight = SEARCH.slight * size.max(initial=0.0)
+    return tuple(np.flatnonzero(structure.number >= 0)[size > slight].tolist())
