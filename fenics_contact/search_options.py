@@ -126,6 +126,23 @@ class SearchOptions:
     #: Further correctors at most.
     pushes: int = 2
 
+    # ---- programs on many blocks (faces/kernel, faces/limit)
+    #: Motions above which blocks are many, and convex programs come first: 3 300 blocks in the
+    #: plane, 1 700 in space. Coulomb's law in an elastic state takes steps of a tenth there.
+    many_motions: int = 10_000
+    #: `regularization` of Newton's matrix at most: next to forces of 100 blocks' weight some
+    #: products are smaller than usual.
+    many_regularization: float = 1e-9
+    #: `interior_steps`, `face_stale`, `no_progress` and `face_short`: these programs go on after
+    #: runs of single steps of a twentieth.
+    many_steps: int = 150
+    many_stale: int = 40
+    many_short_steps: int = 20
+    many_short: float = 0.05
+    #: Gap at which a mode's program ends, in units of the gap that is asked for; and of a state's
+    #: one, in units of the gap that it proves: rounding leaves no `face_gap`.
+    many_gap: float = 3e-2
+
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
     #: Relative gap of a state that counts as one at all.
     rough_gap: float = 1e-2

@@ -64,11 +64,19 @@ def to_least_gap() -> Tolerances:
 
 @dataclass(frozen=True)
 class Certifier:
-    """Programs (a) and (b) of one model."""
+    """Programs (a) and (b) of one model.
+
+    Attributes:
+        model: The units of contact.
+        equations: Of the model.
+        sign: Of the live load's work.
+        asked: Gap that is enough, by which programs on many blocks end.
+    """
 
     model: FaceModel
     equations: Equations
     sign: float = 1.0
+    asked: float = SEARCH.gap
 
     def near(self, elastic: Iterate, work: float) -> tuple[FaceState | None, float]:
         """A state near an elastic one under some work; the limit with its strengths.
@@ -126,8 +134,9 @@ class Certifier:
             tolerances = Tolerances(10.0 * SEARCH.face_gap)
             near = solve(program, start, tolerances, start.mu / SEARCH.decade, passed)
         if near is None or not near.within(1e-5):
-            near = solve(program, enough=passed)
-        if near.within(1e-5):
+            rough = Tolerances(SEARCH.many_gap * self.asked) if model.has_many_blocks else None
+            near = solve(program, tolerances=rough, enough=passed)
+        if near.solved or near.within(1e-5):
             return replace(near, motion=near.motion / abs(float(model.live @ near.motion)))
         return best
 
@@ -149,23 +158,33 @@ class Certifier:
         cost = model.free_friction * power.slip
         program = replace(program, cost=cost, rows=rows)
         found: Iterate | None = None
+        known = power.bound(model.strength)
+
+        def left(iterate: Iterate) -> float:
+            """The gap that it proves, absolute."""
+            own = known + float(cost @ model.normal(iterate.force))
+            return own - self.sign * iterate.load_factor
+
+        def enough(iterate: Iterate) -> bool:
+            """Of many blocks: as good as asked for, or so near that it gets no better."""
+            if not model.has_many_blocks or iterate.missing > 5.0 * SEARCH.exact_state:
+                return False
+            gap = left(iterate) / model.size(iterate.load_factor)
+            return gap < 0.5 * self.asked or iterate.gap < SEARCH.many_gap * max(gap, self.asked)
+
         if near is not None:
             goal = 10.0 * SEARCH.face_gap * model.size(near.load_factor)
-            known = power.bound(model.strength)
 
-            def enough(iterate: Iterate) -> bool:
+            def as_near(iterate: Iterate) -> bool:
                 inside = box is None or box[0] <= iterate.load_factor <= box[1]
-                if not inside or iterate.missing > 1e-9:
-                    return False
-                own = known + float(cost @ model.normal(iterate.force))
-                return own - self.sign * iterate.load_factor < goal
+                return inside and iterate.missing <= 1e-9 and left(iterate) < goal
 
             start = replace(near, motion=mode, duals=self._duals(mode))
-            found = solve(program, start, to_least_gap(), mu, enough=enough)
+            found = solve(program, start, to_least_gap(), mu, as_near)
             if not (found.missing < 1e-7 and (found.gap < 1e-2 or found.solved)):
                 found = None
         if found is None:
-            found = solve(program, None, to_least_gap())
+            found = solve(program, None, to_least_gap(), enough=enough)
         return self.state(found, mode)
 
     def state(self, found: Iterate, mode: Array) -> FaceState | None:

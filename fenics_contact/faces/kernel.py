@@ -160,6 +160,8 @@ def solve(
         options: Numbers of the method.
     """
     tolerances = tolerances or Tolerances()
+    if program.model.has_many_blocks:
+        options = _patient(options)
     with np.errstate(all="ignore"):  # what is not finite ends the steps
         method = Method(program, options)
         point = method.cold(mu) if start is None else method.inside(start, mu)
@@ -191,6 +193,18 @@ def solve(
             if length < 1e-7 or short >= options.no_progress:
                 break
         return best or iterate
+
+
+def _patient(options: SearchOptions) -> SearchOptions:
+    """Options for many blocks: products are smaller, forces range wider, single steps are short."""
+    return replace(
+        options,
+        regularization=min(options.regularization, options.many_regularization),
+        interior_steps=options.many_steps,
+        face_stale=options.many_stale,
+        no_progress=options.many_short_steps,
+        face_short=options.many_short,
+    )
 
 
 class Method:

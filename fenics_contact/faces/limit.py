@@ -75,7 +75,7 @@ class FaceSearch:
         self._effort = SEARCH.collapse_cost if effort is None else effort
         self._check_stop = check_stop
         self._near = near
-        self._certifier = Certifier(model, self.equations)
+        self._certifier = Certifier(model, self.equations, asked=asked)
 
     def run(self, hopeless: Callable[[], bool] | None = None) -> FaceState | None:
         """Search until a state has the gap asked for; the best one.
@@ -84,6 +84,11 @@ class FaceSearch:
             hopeless: Whether to look no further, asked once the elastic state led to none so good.
                 States beside the best one are then looked for first, as long as gaps fall.
         """
+        if self.model.has_many_blocks:
+            self._from_associative("convex programs, ")
+            self._from_best(SEARCH.face_rounds, "convex programs, ")
+            if self._found or self.is_spent:
+                return self.best
         state, work = self._with_coulomb(self.work)
         rounds = 1
         if hopeless is not None and not self._found:
@@ -99,19 +104,19 @@ class FaceSearch:
             self._from_associative()
         return self.best
 
-    def _from_best(self, rounds: int) -> None:
+    def _from_best(self, rounds: int, way: str = "") -> None:
         """States of least gap for modes of the best state, their load factors let free."""
         for _ in range(rounds):
             before = self.best
-            if before is None:
+            if before is None or self._found:
                 return
             self._check_stop()
-            self._take("the best state", before.load_factor, self._certifier.of(before.force))
+            self._take(f"{way}the best state", before.load_factor, self._certifier.of(before.force))
             best = self.best or before
             if self._found or self.is_spent or not best.gap < 0.9 * before.gap:
                 return
 
-    def _from_associative(self) -> None:
+    def _from_associative(self, way: str = "") -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
@@ -122,13 +127,13 @@ class FaceSearch:
             return
         for sign in (1.0, -1.0):
             self._check_stop()
-            certifier = Certifier(self.model, self.equations, sign)
+            certifier = Certifier(self.model, self.equations, sign, self._asked)
             found = certifier.of(upper.force)
             size = self.model.size(upper.load_factor)
             least = upper.load_factor - SEARCH.rough_gap * size
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
-            self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
+            self._take(f"{way}associative friction, work {sign:+g}", upper.load_factor, found)
             if self._found:
                 return
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from fenics_contact.faces.cones import Array, Cone, Disc, Positive
 from fenics_contact.geometry.mesh import Flags, Indices
+from fenics_contact.search_options import SEARCH
 
 #: Typical forces of a block are so many times its own load at most: as many others stand on it.
 CARRIED = 100.0
@@ -69,6 +70,11 @@ class FaceModel:
     def shape(self) -> tuple[int, int]:
         """Units, and forces of each."""
         return self.compliance.shape[0], self.compliance.shape[1]
+
+    @property
+    def has_many_blocks(self) -> bool:
+        """Whether there are so many motions that convex programs come first."""
+        return len(self.dead) > SEARCH.many_motions
 
     @cached_property
     def transposed(self) -> Any:

@@ -39,9 +39,10 @@ EPS = float(np.finfo(float).eps)
 
 
 def associative_state(model: FaceModel, equations: Equations) -> Iterate:
-    """The state of the largest load factor."""
-    friction = model.friction
-    return solve(Program(model, equations, model.strength, friction, friction))
+    """The state of the largest load factor; near it where blocks are many."""
+    program = Program(model, equations, model.strength, model.friction, model.friction)
+    many = model.has_many_blocks
+    return solve(program, tolerances=Tolerances(SEARCH.rough_gap, 1e-7, 1e-4) if many else None)
 
 
 def associative_end(model: FaceModel) -> float | None:
