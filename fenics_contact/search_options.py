@@ -159,6 +159,10 @@ class SearchOptions:
     # ---- loading path by face forces (faces/follow)
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
+    #: Factorisations of one way at most.
+    follow_effort: int = 900
+    #: Part of the pressing forces under the dead load with which the bound of "half" begins.
+    little_friction: float = 0.3
     #: Products that are as good as nothing, in units of the typical force and displacement.
     follow_products: float = 1e-7
     #: Cosine of tangents from which on the path goes straight on: det A changes sign at branches.

@@ -518,6 +518,16 @@ class Followed:
     end: Place
     places: list[Place]
 
+    @property
+    def iterate(self) -> Iterate:
+        """The end in terms of the kernel."""
+        return self.path.iterate(self.end)
+
+    @property
+    def work(self) -> float:
+        """W at the end."""
+        return self.path.work(self.end)
+
 
 def followed(
     model: FaceModel,

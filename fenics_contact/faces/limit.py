@@ -22,6 +22,7 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
+from fenics_contact.faces.follow import followed
 from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
@@ -29,6 +30,9 @@ from fenics_contact.faces.system import SHIFT, Equations
 from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
+
+#: Name of an attempt.
+LOADING_PATH = "loading path"
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class FaceSearch:
         self.equations = Equations(model)
         self.best: FaceState | None = None
         self.attempts: list[FaceAttempt] = []
+        self._name = ""
         self._asked = asked
         self._effort = SEARCH.collapse_cost if effort is None else effort
         self._check_stop = check_stop
@@ -103,6 +108,31 @@ class FaceSearch:
         if not self._found:
             self._from_associative()
         return self.best
+
+    def follow(self) -> FaceState | None:
+        """The state that a load which rises from rest leads to; None if that has not the gap asked.
+
+        The end of the loading path; where it comes to none, elastic states with half of Coulomb's
+        law, whose bound begins with a part of the forces under the dead load.
+        """
+        if self.model.has_many_blocks:
+            return None
+        try:
+            path = followed(self.model, self.equations, SEARCH.follow_effort, self._check_stop)
+        except SolverError as error:
+            _log.debug("  loading path: %s", error)
+            self._take(LOADING_PATH, np.nan, None)
+            self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
+        else:
+            found, _ = self._certifier.near(path.iterate, path.work)
+            self._take(LOADING_PATH, path.end.load_factor, found)
+        return self.best if self._found else None
+
+    @property
+    def way(self) -> str:
+        """How the best state was reached: "follow", "half", "convex" or "one shot"."""
+        names = {LOADING_PATH: "follow", "theta": "half", "convex": "convex"}
+        return next((way for name, way in names.items() if self._name.startswith(name)), "one shot")
 
     def _from_best(self, rounds: int, way: str = "") -> None:
         """States of least gap for modes of the best state, their load factors let free."""
@@ -231,6 +261,7 @@ class FaceSearch:
         """Record an attempt, and keep its state if it is the best."""
         if found and (self.best is None or self._rank(found) < self._rank(self.best)):
             self.best = found
+            self._name = name
         gap = np.nan if found is None else found.gap
         attempt = FaceAttempt(name, load_factor, gap, self.equations.factorizations)
         self.attempts.append(attempt)

@@ -83,9 +83,7 @@ class Springs:
             return self._inverse(weights)
         units, count, size = self._right.shape
         found = np.empty((units, size, size))
-        compiled.call(
-            "unit_springs", units, size, count, self._left, self._right, weights, found
-        )
+        compiled.call("unit_springs", units, size, count, self._left, self._right, weights, found)
         return found
 
     def _inverse(self, weights: Array) -> Array:
@@ -185,9 +183,7 @@ class Equations:
             every = self._place.ravel() + 1
             return np.bincount(every, each.ravel(), self._entries + 1)[1:]
         entries = np.zeros(self._entries)
-        compiled.call(
-            "unit_matrices", units, size, width, local, inverse, self._place, entries
-        )
+        compiled.call("unit_matrices", units, size, width, local, inverse, self._place, entries)
         return entries
 
     def factored(self, inverse: Array, symmetric: bool) -> Factor:

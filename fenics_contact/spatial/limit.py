@@ -145,6 +145,9 @@ def _solved(
         if lower and found.status == "limit" and not np.any(structure.crushes):
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
+        if not options.fast and found.way == "follow" and not np.any(structure.crushes):
+            tell("another state")
+            found = _with_one_shot(found, model, options.gap, check_stop)
         if not options.fast and not found.stopped:
             check_stop()
             tell("what nothing exceeds")
@@ -204,7 +207,7 @@ def collapse_of(
     try:
         state: FaceState | CrushedState | None = None
         if not (_alike(structure, sign) and wedged()):
-            state = search.run(unlimited)
+            state = search.follow() or search.run(unlimited)
         if state is not None and crushes and not unlimited():
             # Without one that does not crush, what the other one misses is told.
             state = crushed_state(structure, model, state, asked, check_stop) or state
@@ -224,12 +227,30 @@ def collapse_of(
         found = SpatialCollapse(
             "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedges
         )
+    way = search.way if found.status == "limit" else ""
     return replace(
         found,
+        way=way,
+        states=((found.load_factor, found.gap, way),) if way else (),
         attempts=tuple(search.attempts),
         factorizations=search.equations.factorizations,
         stopped=stopped,
     )
+
+
+def _with_one_shot(
+    found: SpatialCollapse, model: FaceModel, asked: float, check_stop: Callable[[], None]
+) -> SpatialCollapse:
+    """A limit by the loading path, with the state that one solve leads to beside it."""
+    search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
+    state = search.run()
+    spent = found.factorizations + search.equations.factorizations
+    attempts = (*found.attempts, *search.attempts)
+    found = replace(found, factorizations=spent, attempts=attempts)
+    if state is None or state.gap > asked:
+        return found
+    one = found.sign * state.load_factor, abs(state.gap), search.way
+    return replace(found, states=(*found.states, one))
 
 
 def _alike(structure: Structure, sign: float) -> bool:

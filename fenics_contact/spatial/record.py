@@ -149,6 +149,9 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
         "ties": tie_records(view.ties),
         "tensions": None if collapse.tension is None else collapse.tension.tolist(),
         "mechanism": moves,
+        "states": [
+            dict(zip(("load_factor", "gap", "start"), one, strict=True)) for one in collapse.states
+        ],
         "attempts": [{**vars(one), "outcome": one.outcome} for one in collapse.attempts],
     }
 

@@ -21,6 +21,8 @@ from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
 
+#: Collapse states that are as far apart as this are told as two, relative.
+ANOTHER = 1e-2
 #: What forces at the corners of contacts leave out.
 QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
 
@@ -48,6 +50,9 @@ class SpatialCollapse:
         given: Load factor of the state that was asked for; None for that of a limit.
         residuals: By how much each condition is missed, see `certificate`.
         searched: What was searched for, in words; empty for what the load leads to.
+        way: How the state was reached: "follow", the loading path; "half" of Coulomb's law; "one
+            shot"; "convex" programs; empty without a limit.
+        states: Collapse states that were found, the first one first: load factor, gap, way.
         seismic: Spectral acceleration at which it starts; None where that was not asked for.
         attempts: What was tried.
         factorizations: Of face systems.
@@ -69,6 +74,8 @@ class SpatialCollapse:
     given: float | None = None
     residuals: dict[str, float] = field(default_factory=dict)
     searched: str = ""
+    way: str = ""
+    states: tuple[tuple[float, float, str], ...] = ()
     seismic: SeismicCheck | None = None
     attempts: tuple[FaceAttempt, ...] = ()
     factorizations: int = 0
@@ -231,6 +238,11 @@ def _lines(collapse: SpatialCollapse, words: Wording, structure: Structure) -> l
         lower = abs(collapse.lowest) < abs(factor) * (1.0 - 2e-3)
         text = words.beside(collapse.lowest, factor, collapse.sign) if lower else "this one"
         lines.append(Line(f"{FOUND}:", text, states=True))
+    for other, _, _ in collapse.states[1:]:
+        if abs(other - factor) > ANOTHER * abs(factor) and not collapse.searched:
+            lines.append(
+                Line("also found:", words.beside(other, factor, collapse.sign), states=True)
+            )
     if math.isfinite(collapse.upper):
         most = words.beside(collapse.upper, factor, collapse.sign, 1)
         lines.append(Line("nothing carries more than", most, states=True))
