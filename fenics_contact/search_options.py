@@ -160,7 +160,7 @@ class SearchOptions:
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
     #: Factorisations of one way at most.
-    follow_effort: int = 900
+    follow_effort: int = 750
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
     #: Products that are as good as nothing, in units of the typical force and displacement.

@@ -333,12 +333,12 @@ class LoadingPath:
         for _ in range(rounds):
             step, tangent, _ = self._newton(at)
             if work is not None:
-                rise = (work - self.work(at.plus(step))) / self.work(tangent)
-                step = step.plus(tangent, rise)
+                rise = np.divide(work - self.work(at.plus(step)), self.work(tangent))
+                step = step.plus(tangent, float(rise))
             length = self._length(step.units, at.units)
             if not np.isfinite(length):
                 break
-            at = at.plus(step, min(1.0, SEARCH.path_change / length))
+            at = at.plus(step, SEARCH.path_change / max(length, SEARCH.path_change))
             if length < close:
                 return at
         raise SolverError("Newton's method does not settle")
@@ -387,7 +387,7 @@ class LoadingPath:
                 cosine = float(np.sum(before * tangent.units * weights) / size)
                 if ahead * cosine < -SEARCH.follow_straight:  # det A changes sign at a branch point
                     turned, ahead = -turned, -ahead
-            rate = ahead / self._length(tangent.units, at.units)
+            rate = ahead / max(self._length(tangent.units, at.units), TINY)
             while True:
                 rise = rate * length
                 more = rise * self.work(tangent)
@@ -445,7 +445,7 @@ class LoadingPath:
         for rounds in range(SEARCH.no_progress):
             step, tangent, sign = self._newton(at)
             lacks = goal - float(np.sum(across * (at.units + step.units)))
-            step = step.plus(tangent, lacks / float(np.sum(across * tangent.units)))
+            step = step.plus(tangent, float(np.divide(lacks, np.sum(across * tangent.units))))
             length = self._length(step.units, at.units)
             if not (length < max(2.0 * last, 0.5) and length < 5.0):
                 break
