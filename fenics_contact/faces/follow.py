@@ -500,8 +500,9 @@ class Way:
     close: float = 3e-2
 
 
-#: Ways, the usual one first. Smaller products, and other starts, lead to an end where it does not.
-WAYS = (Way(1e-2), Way(1e-3), Way(1e-3, 1.0))
+#: Ways, the usual one first. Larger products lead to an end where it does not, but a path with them
+#: takes another branch now and then; so may another start.
+WAYS = (Way(1e-3), Way(1e-2), Way(1e-3, 1.0))
 
 
 @dataclass(frozen=True)

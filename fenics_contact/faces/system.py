@@ -191,7 +191,7 @@ class Equations:
         if not compiled.is_there():
             each = np.matmul(np.matmul(local.transpose(0, 2, 1), inverse), local)
             every = self._place.ravel() + 1
-            return np.bincount(every, each.ravel(), self._entries + 1)[1:]
+            return np.asarray(np.bincount(every, each.ravel(), self._entries + 1)[1:], float)
         entries = np.zeros(self._entries)
         compiled.call("unit_matrices", units, size, width, local, inverse, self._place, entries)
         return entries

@@ -205,12 +205,13 @@ def collapse_of(
     wedges: tuple[int, ...] = ()
     found = SpatialCollapse(sign=sign, reason="the search found no state")
     try:
-        state: FaceState | CrushedState | None = None
+        whole: FaceState | None = None
         if not (_alike(structure, sign) and wedged()):
-            state = search.follow() or search.run(unlimited)
-        if state is not None and crushes and not unlimited():
+            whole = search.follow() or search.run(unlimited)
+        state: FaceState | CrushedState | None = whole
+        if whole is not None and crushes and not unlimited():
             # Without one that does not crush, what the other one misses is told.
-            state = crushed_state(structure, model, state, asked, check_stop) or state
+            state = crushed_state(structure, model, whole, asked, check_stop) or whole
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
         if found.status != "limit":
