@@ -115,8 +115,6 @@ class FaceSearch:
         The end of the loading path; where it comes to none, elastic states with half of Coulomb's
         law, whose bound begins with a part of the forces under the dead load.
         """
-        if self.model.has_many_blocks:
-            return None
         try:
             path = followed(self.model, self.equations, SEARCH.follow_effort, self._check_stop)
         except SolverError as error:

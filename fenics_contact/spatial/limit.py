@@ -207,7 +207,9 @@ def collapse_of(
     try:
         whole: FaceState | None = None
         if not (_alike(structure, sign) and wedged()):
-            whole = search.follow() or search.run(unlimited)
+            if np.count_nonzero(structure.number >= 0) < SEARCH.large_wall:
+                whole = search.follow()  # dear beyond
+            whole = whole or search.run(unlimited)
         state: FaceState | CrushedState | None = whole
         if whole is not None and crushes and not unlimited():
             # Without one that does not crush, what the other one misses is told.
