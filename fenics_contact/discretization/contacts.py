@@ -99,22 +99,21 @@ def straight_sides(boundary: Boundary) -> tuple[Array, Array]:
     """Lengths of the straight sides, or chords, that facets are part of, and their curvatures.
 
     Returns:
-        Lengths, m; curvatures, 1/m, above 0 where convex, 0 but for chords that turn smoothly at
-        both ends, and not a number with one such end: the last chord of an arc, or a straight
-        side; by facets.
+        Lengths, m; curvatures, 1/m, above 0 where convex, 0 but for chords that turn smoothly into
+        others at both ends, and not a number with one such end: the last chord of an arc; by
+        facets.
     """
     vertices = Vertices.of(boundary)
     turning = np.abs(vertices.turn)
     side = connected(vertices.facets[turning <= STRAIGHT], len(boundary.length))
     length = np.bincount(side, boundary.length)
     smooth = (turning > STRAIGHT) & (turning <= SMOOTH_ANGLE)
+    both = length[side[vertices.facets]]
+    smooth &= both.max(axis=1) <= LONG * both.min(axis=1)
     ends = side[vertices.facets[smooth]]
     total = np.bincount(ends.ravel(), np.repeat(vertices.turn[smooth], 2), len(length))
     count = np.bincount(ends.ravel(), minlength=len(length))
-    shortest = np.full(len(length), np.inf)  # of the sides next to it
-    np.minimum.at(shortest, ends, length[ends[:, ::-1]])
-    chord = (count == 2) & (length <= LONG * shortest)
-    curvature = np.where(chord, 0.5 * total / length, np.where(count == 1, np.nan, 0.0))
+    curvature = np.where(count == 2, 0.5 * total / length, np.where(count == 1, np.nan, 0.0))
     return length[side].astype(float), curvature[side]
 
 

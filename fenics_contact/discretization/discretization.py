@@ -183,10 +183,12 @@ class Discretization(Layout, Closing):
         PETSc.garbage_cleanup(self.scene.comm)
 
     def check_pushed(self, bodies: Flags | None = None) -> None:
-        """Raise `InputError` if the live load pushes none of some bodies, or a load cancels there.
+        """Raise `InputError` if the live load pushes none of some bodies.
 
-        By default of those that supports do not hold.
+        By default none of those that supports do not hold; there no load may cancel, which strains
+        blocks alone.
         """
+        free = bodies is None
         bodies = self.bodies.floating if bodies is None else bodies
         for kind in ("dead", "live"):
             nodes = np.linalg.norm(getattr(self.elasticity, kind).reshape(-1, 2), axis=1)
@@ -198,7 +200,7 @@ class Discretization(Layout, Closing):
                     "loads.live: the live load is zero on every free body; give it a body force on"
                     " blocks with density, or a traction"
                 )
-            if np.any(given) and np.all(left <= SEARCH.nothing * given):
+            if free and np.any(given) and np.all(left <= SEARCH.nothing * given):
                 raise InputError(f"loads.{kind}: what is given cancels on every free body")
 
     def shares_matrices(self, scene: Scene) -> bool:

@@ -88,9 +88,10 @@ def test_arcs_that_lie_along_each_other_do_not_roll():
     assert equilibrium(scene, 0.0).status == "equilibrium"
 
 
-def test_straight_side_beside_a_curved_one_does_not_roll():
+@pytest.mark.parametrize("corners", [10, 13, 19])
+def test_straight_side_beside_a_curved_one_does_not_roll(corners):
     # A beam with rounded ends lies on its flat side.
-    angle = np.radians(np.linspace(-90.0, 90.0, 13))
+    angle = np.radians(np.linspace(-90.0, 90.0, corners))
     end = 0.2 * np.column_stack([np.cos(angle), np.sin(angle)])
     beam = np.vstack([np.add(end, [1.0, 0.2]), np.subtract([-1.0, 0.2], end)])
     result = limit_load(on_floor([beam], 0.0, 0.3, gap=1e-3))
