@@ -115,6 +115,7 @@ class FaceSearch:
         The end of the loading path; where it comes to none, elastic states with half of Coulomb's
         law, whose bound begins with a part of the forces under the dead load.
         """
+        spent = self.equations.factorizations
         try:
             path = followed(self.model, self.equations, SEARCH.follow_effort, self._check_stop)
         except SolverError as error:
@@ -124,6 +125,7 @@ class FaceSearch:
         else:
             found, _ = self._certifier.near(path.iterate, path.work)
             self._take(LOADING_PATH, path.end.load_factor, found)
+        self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
 
     @property
