@@ -180,27 +180,10 @@ def motion_under(model: FaceModel, load_factor: float) -> Array | None:
 
     The largest part of these loads that has an equilibrium is looked for.
     """
-    return _carried(model, load_factor)[1]
-
-
-def proved_fall(model: FaceModel, load_factor: float) -> Array | None:
-    """Motion under lambda of the live load; None if an equilibrium proves that it is carried.
-
-    Raises:
-        SolverError: If neither is found.
-    """
-    carried, motion = _carried(model, load_factor)
-    if motion is None and not carried:
-        raise SolverError("face forces: whether the loads stand is not known")
-    return motion
-
-
-def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
-    """Whether an equilibrium under loads was found; else their motion, None if none was found."""
     loads = model.dead + load_factor * model.live
     whole = replace(model, dead=np.zeros_like(loads), live=loads, dilatancy=model.friction)
     if not np.any(loads):
-        return True, None
+        return None
 
     def enough(iterate: Iterate) -> bool:
         return iterate.load_factor >= 1.0 and iterate.missing < 1e-9
@@ -209,9 +192,9 @@ def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
     found = solve(program, enough=enough)
     work = float(loads @ found.motion)
     if enough(found) or work <= 0.0:
-        return enough(found), None
+        return None
     motion = found.motion / work
-    return False, motion if whole.power(motion).bound(model.strength) < 1.0 else None
+    return motion if whole.power(motion).bound(model.strength) < 1.0 else None
 
 
 def widest_motion(model: FaceModel, load_factor: float) -> Array | None:

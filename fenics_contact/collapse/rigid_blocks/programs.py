@@ -45,12 +45,7 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import (
-    associative_end,
-    motion_under,
-    proved_fall,
-    state_under,
-)
+from fenics_contact.faces.programs import associative_end, motion_under, state_under
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
@@ -69,9 +64,6 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
     Raises:
         SolverError: If HiGHS finds no answer.
     """
-    if model.units.has_many_blocks:
-        motion = proved_fall(model.units, load_factor)
-        return None if motion is None else model.planar.motions(motion)
     # On large walls the face engine is twenty times as fast as HiGHS; its forces are the proof.
     found = state_under(model.units, load_factor) if model.is_large else None
     if found is not None and found.missing <= SEARCH.rounding:
@@ -174,11 +166,6 @@ class RigidBlocks:
         """Whether some face has a compressive strength."""
         return self.model.has_strength
 
-    @property
-    def _has_many(self) -> bool:
-        """Whether all ends are the face engine's: HiGHS takes minutes to say nothing."""
-        return self.model.units.has_many_blocks
-
     def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
 
@@ -260,8 +247,6 @@ class RigidBlocks:
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
         model = self.model
-        if self._has_many:
-            return associative_end(model.units)
         if self.has_strength:
             unlimited = wedging_forces(model) is not None
             return np.inf if unlimited else associative_end(model.units)
@@ -293,8 +278,6 @@ class RigidBlocks:
     def _classical_bounds(self) -> LimitBounds:
         bare = self.frictionless._fall is None
         stands = bare or self._fall is None
-        if self._has_many:
-            return LimitBounds(None, self._upper if stands else np.inf)
         lower = self.frictionless._upper if bare else None
         lower = None if lower is None else max(lower, 0.0)
         return LimitBounds(lower, self._upper if stands else np.inf, lower)
@@ -304,9 +287,6 @@ class RigidBlocks:
         if self._bracket is not None:
             return result_of(self._bracket, self.check_stop)
         bounds = self._classical_bounds
-        if self._has_many:
-            _log.info("  the lower end of the bracket is not asked for at this size")
-            return bounds
         stands = bounds.lower is not None or self._fall is None
         if bounds.upper is None or bounds.meet or not stands or self.has_strength:
             return bounds  # the lower end's programs are linear
