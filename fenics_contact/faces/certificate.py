@@ -96,14 +96,17 @@ class Certifier:
         mode = self.mode(elastic.force, start)
         if mode is None:
             return None, np.nan
-        exact = self.state(elastic, mode.motion)
-        if exact is not None and abs(exact.gap) < SEARCH.agrees:
-            return exact, mode.load_factor
         mu = max(start.mu, 1e-6 * size / self.model.shape[0]) / SEARCH.decade**2
         state = self.least_gap(elastic, mode.motion, mu, boxes[0])
         for box in (*boxes[1:], None):
             state = state or self.least_gap(None, mode.motion, box=box)
         return state, mode.load_factor
+
+    def exact(self, elastic: Iterate) -> FaceState | None:
+        """An elastic state with its own forces, where these are a state with next to no gap."""
+        mode = self.mode(elastic.force)
+        found = None if mode is None else self.state(elastic, mode.motion)
+        return found if found is not None and abs(found.gap) < SEARCH.agrees else None
 
     def of(self, force: Array) -> FaceState | None:
         """The state of least gap for the mode of the strengths of some forces."""

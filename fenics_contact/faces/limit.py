@@ -123,7 +123,8 @@ class FaceSearch:
             self._take(LOADING_PATH, np.nan, None)
             self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         else:
-            found, _ = self._certifier.near(path.iterate, path.work)
+            found = self._certifier.exact(path.iterate)
+            found = found or self._certifier.near(path.iterate, path.work)[0]
             self._take(LOADING_PATH, path.end.load_factor, found)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
