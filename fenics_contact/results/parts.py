@@ -109,7 +109,13 @@ def moving_parts(
         told = _motion(velocity, turn, centre, box, slides)
         place = place_in_words(box, whole, PLACES)
         found.append(Part(blocks.tolist(), place, told, float(area[blocks].sum())))
-    return sorted(found, key=lambda one: -one.area)
+    return by_size(found)
+
+
+def by_size(parts: list[Part]) -> list[Part]:
+    """The largest part first; those alike in size by their first blocks, whatever the rounding."""
+    most = max((part.area for part in parts), default=1.0) or 1.0
+    return sorted(parts, key=lambda part: (-round(part.area / most, 6), part.blocks))
 
 
 def _boxes(layout: Layout) -> Array:

@@ -18,6 +18,7 @@ from fenics_contact.results.parts import (
     SHIFTS,
     STEEP,
     Part,
+    by_size,
     parts_in_words,
     place_in_words,
 )
@@ -80,7 +81,7 @@ def moving_parts(view: SpatialView) -> list[Part]:
         volume = float(view.bodies.volume[those].sum())
         numbers = np.flatnonzero(those).tolist()
         found.append(Part(numbers, place, motion, volume, _called(view, those, walls)))
-    return sorted(found, key=lambda part: -part.area)
+    return by_size(found)
 
 
 def _alike(view: SpatialView, walls: Mapping[str, Flags]) -> Iterator[Flags]:

@@ -225,8 +225,9 @@ def test_page_on_space_has_all_keys_and_builders():
     tables = [spatial.Scene, spatial.Material, spatial.Plane, spatial.Foundation]
     tables += [spatial.SolveOptions, loads.Sides, loads.Force, loads.Movement, loads.Tie]
     tables += [loads.Load, loads.Floor]
-    # Keys that a page on the plane tells of, or that space refuses.
+    # Keys that a page on the plane tells of, or that space refuses; and what a file is told of.
     elsewhere = {"law", "bound", "gap", "opened", "glued", "title", "live", "dead"}
+    elsewhere |= {"notes", "read"}
     found = {key_of(field.name) for table in tables for field in dataclasses.fields(table)}
     for name, function in vars(builders).items():
         if getattr(function, "__module__", "") == builders.__name__ and name[0].islower():

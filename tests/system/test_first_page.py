@@ -30,8 +30,8 @@ TOLD = {
     "gate": [
         ASIDE,
         "It collapses at 0.2500 g to the right (verified).",
-        "The upper block (8) moves to the right, the right part (4 blocks) rocks to the "
-        "right about its lower right corner, the left part (4 blocks) rocks to the right "
+        "The upper block (8) moves to the right, the left part (4 blocks) rocks to the "
+        "right about its lower right corner, the right part (4 blocks) rocks to the right "
         "about its lower right corner.",
         "No other collapse state exists.",
     ],
@@ -55,8 +55,8 @@ TOLD = {
     "arch": [
         ASIDE,
         "It collapses at 0.1505 g to the right (verified).",
-        "The upper right part (5 blocks) turns to the left, the upper left part (5 blocks) "
-        "turns to the right, the lower right part (3 blocks) rocks to the right about its "
+        "The upper left part (5 blocks) turns to the right, the upper right part (5 blocks) "
+        "turns to the left, the lower right part (3 blocks) rocks to the right about its "
         "lower right corner.",
         "No other collapse state exists.",
     ],
