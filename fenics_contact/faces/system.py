@@ -21,6 +21,7 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.solvers import compiled
 
 #: Added to the diagonal of the scaled matrix, in steps only: residuals are recomputed.
 SHIFT = 1e-13
@@ -73,27 +74,30 @@ class Springs:
     """M^-1 for left and right vectors, shape (units, k, m), m = 2 or 3, and any weights."""
 
     def __init__(self, left: Array, right: Array) -> None:
-        choices, bases, last = _choices(right.shape[1], right.shape[2])
-        self._choices = choices
-        self._bases = bases
-        self._last = last
-        self._right = cross_products(right, choices)
-        same = left is right
-        self._left = self._right if same else cross_products(left, choices)
-        volume = np.einsum("ujm,ujm->uj", self._right[:, bases], right[:, last])
-        other = volume
-        if not same:
-            other = np.einsum("ujm,ujm->uj", self._left[:, bases], left[:, last])
-        self._volumes = volume * other
+        self._right = np.ascontiguousarray(right)
+        self._left = self._right if left is right else np.ascontiguousarray(left)
 
     def inverse(self, weights: Array) -> Array:
         """M^-1, shape (units, m, m), with weights of shape (units, k)."""
-        chosen = np.prod(weights[:, self._choices], axis=2)
-        determinant = np.einsum(
-            "uj,uj->u", chosen[:, self._bases] * weights[:, self._last], self._volumes
-        )
-        scaled = self._right * (chosen / determinant[:, None])[:, :, None]
-        return np.asarray(np.matmul(scaled.transpose(0, 2, 1), self._left))
+        if not compiled.is_there():
+            return self._inverse(weights)
+        units, count, size = self._right.shape
+        found = np.empty((units, size, size))
+        compiled.call("unit_springs", units, size, count, self._left, self._right, weights, found)
+        return found
+
+    def _inverse(self, weights: Array) -> Array:
+        """The same by numpy."""
+        right, left = self._right, self._left
+        choices, bases, last = _choices(right.shape[1], right.shape[2])
+        crossed = cross_products(right, choices)
+        other = crossed if left is right else cross_products(left, choices)
+        volume = np.einsum("ujm,ujm->uj", crossed[:, bases], right[:, last])
+        volume = volume * np.einsum("ujm,ujm->uj", other[:, bases], left[:, last])
+        chosen = np.prod(weights[:, choices], axis=2)
+        determinant = np.einsum("uj,uj->u", chosen[:, bases] * weights[:, last], volume)
+        scaled = crossed * (chosen / determinant[:, None])[:, :, None]
+        return np.asarray(np.matmul(scaled.transpose(0, 2, 1), other))
 
 
 @lru_cache(maxsize=8)
@@ -139,7 +143,6 @@ class Equations:
         place_of = place[np.searchsorted(key, unit * count + table.col[used])]
         self._local = np.zeros((units, size, width))
         self._local[unit, component, place_of] = table.data[used]
-        self._transposed = np.ascontiguousarray(self._local.transpose(0, 2, 1))
         self._set_pattern(columns, count)
 
     def _set_pattern(self, columns: Array, count: int) -> None:
@@ -163,13 +166,25 @@ class Equations:
         self._order = ordered.perm_c
         rows, cols = self._order[rows], self._order[cols]
         keys, place = np.unique(cols.astype(np.int64) * count + rows, return_inverse=True)
-        self._used = np.flatnonzero(used.ravel())
-        self._place = place[: len(self._used)]
-        self._diagonal = place[len(self._used) :][np.argsort(self._order)]
+        self._place = np.full(shape, -1, dtype=np.int32)
+        self._place[used] = place[:-count]
+        self._diagonal = place[-count:][np.argsort(self._order)]
         self._entries = len(keys)
         self._rows = (keys % count).astype(np.int32)
         self._cols = (keys // count).astype(np.int32)
         self._start = np.searchsorted(self._cols, np.arange(count + 1)).astype(np.int32)
+
+    def _matrix(self, inverse: Array) -> Array:
+        """The entries of A."""
+        local = self._local
+        units, size, width = local.shape
+        if not compiled.is_there():
+            each = np.matmul(np.matmul(local.transpose(0, 2, 1), inverse), local)
+            every = self._place.ravel() + 1
+            return np.asarray(np.bincount(every, each.ravel(), self._entries + 1)[1:], float)
+        entries = np.zeros(self._entries)
+        compiled.call("unit_matrices", units, size, width, local, inverse, self._place, entries)
+        return entries
 
     def factored(self, inverse: Array, symmetric: bool) -> Factor:
         """The factor of A.
@@ -181,8 +196,7 @@ class Equations:
         from scipy.sparse.linalg import splu
 
         self.factorizations += 1
-        local = np.matmul(np.matmul(self._transposed, inverse), self._local)
-        entries = np.bincount(self._place, local.ravel()[self._used], self._entries)
+        entries = self._matrix(inverse)
         if not np.all(np.isfinite(entries)):
             raise SolverError("face forces: springs are not finite")
         scale = 1.0 / np.sqrt(np.maximum(entries[self._diagonal], 1e-300))

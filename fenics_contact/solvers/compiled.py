@@ -1,4 +1,4 @@
-"""The law of joint points and the curves on it, compiled from `laws.c` and `curve.c`.
+"""What is compiled: the law of joint points, curves on it, and units of contact (`units.c`).
 
 A step on block modes asks many times how far few points are from their laws: a hundred calls of
 numpy on short arrays would take longer than the factor does. The compiled texts are kept in the
@@ -11,20 +11,24 @@ import ctypes
 import hashlib
 import importlib.machinery
 import importlib.util
+import logging
 import os
 import re
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+_log = logging.getLogger("fenics_contact")
+
 #: Plain IEEE arithmetic: no operation is joined with another one or moved.
 FLAGS = ("-O3", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 
-SOURCES = [Path(__file__).with_name(name) for name in ("laws.c", "curve.c")]
+SOURCES = [Path(__file__).with_name(name) for name in ("laws.c", "curve.c", "units.c")]
 
 #: What a caller sees of them: structures and functions.
 _SEEN = re.compile(
@@ -94,6 +98,17 @@ def load(folder: Path | None = None) -> Any:
     return module
 
 
+@cache
+def is_there() -> bool:
+    """Whether the texts are compiled, or can be; what also has numpy's way asks."""
+    try:
+        load()
+    except Exception as error:  # whatever a missing compiler leads to
+        _log.info("face forces by numpy: %s", error)
+        return False
+    return True
+
+
 def _passed(ffi: Any, value: Any) -> Any:
     """A number as it is, an array or a structure as its address."""
     if isinstance(value, Structure):
@@ -102,6 +117,8 @@ def _passed(ffi: Any, value: Any) -> Any:
         return value
     if value.dtype == np.bool_:
         return ffi.from_buffer("unsigned char[]", value)
+    if value.dtype == np.int32:
+        return ffi.from_buffer("int[]", value)
     if value.dtype == np.int64:
         return ffi.from_buffer("long long[]", value)
     return ffi.from_buffer("double[]", np.ascontiguousarray(value, dtype=float))

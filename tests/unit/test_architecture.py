@@ -42,7 +42,8 @@ FLOORS = (
 SHORT = {"mesh", "meshing", "builders", "drawing"}
 
 #: Beside the floors: PETSc and numpy only, used by these.
-SOLVERS, SOLVERS_USERS = "solvers", {"discretization", "results", "collapse", "answers"}
+SOLVERS = "solvers"
+SOLVERS_USERS = {"discretization", "faces", "results", "collapse", "answers"}
 IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
 ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
 
