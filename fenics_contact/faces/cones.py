@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.solvers.compiled import call, is_there
+
 Array = npt.NDArray[np.float64]
 
 #: Smallest number that a determinant is divided by.
@@ -155,6 +157,41 @@ class ScaledDisc:
         return self._apply(self._apply(ds, -1.0), -1.0)
 
 
+class CompiledDisc:
+    """The same, compiled: its arrays would pass through memory some hundred times in a step."""
+
+    def __init__(self, slack: Array, dual: Array) -> None:
+        count = len(slack)
+        self._scaling = np.empty((count, 4))
+        self._value = np.empty((count, 3))
+        self.weights = np.empty((count, 3))
+        self.frame = np.empty((count, 3, 3))
+        found = self._scaling, self._value, self.weights, self.frame
+        call("disc_scaled", count, slack, dual, *found)
+        self.products = _product(self._value, self._value)
+
+    def shift(self, change: Array) -> Array:
+        """As of the orthant."""
+        return self._asked("disc_shift", self._scaling, self._value, change)
+
+    def cross(self, ds: Array, dz: Array) -> Array:
+        """As of the orthant."""
+        return self._asked("disc_products", 0, self._scaling, self._value, ds, dz)
+
+    def linear(self, ds: Array, dz: Array) -> Array:
+        """As of the orthant."""
+        return self._asked("disc_products", 1, self._scaling, self._value, ds, dz)
+
+    def stretch(self, ds: Array) -> Array:
+        """As of the orthant."""
+        return self._asked("disc_stretch", self._scaling, ds)
+
+    def _asked(self, name: str, *arguments: Any) -> Array:
+        found = np.empty_like(self._value)
+        call(name, len(found), *arguments, found)
+        return found
+
+
 class Disc:
     """The second-order cone: the first component is larger than the length of two others."""
 
@@ -168,12 +205,16 @@ class Disc:
         unit[:, 0] = 2.0
         return unit
 
-    def scaled(self, slack: Array, dual: Array) -> ScaledDisc:
+    def scaled(self, slack: Array, dual: Array) -> ScaledDisc | CompiledDisc:
         """As of the orthant."""
-        return ScaledDisc(slack, dual)
+        return CompiledDisc(slack, dual) if is_there() else ScaledDisc(slack, dual)
 
     def longest(self, place: Array, step: Array) -> float:
         """As of the orthant."""
+        if is_there():
+            found = np.empty(1)
+            call("disc_longest", len(place), place, step, found)
+            return float(found[0])
         square = step[:, 0] ** 2 - _dots(step[:, 1:], step[:, 1:])
         half = place[:, 0] * step[:, 0] - _dots(place[:, 1:], step[:, 1:])
         inside = _determinant(place)
@@ -205,6 +246,18 @@ class Disc:
 
 
 Cone = Positive | Disc
+
+
+def times(matrices: Array, vectors: Array, transposed: bool = False) -> Array:
+    """Products M v, or M^T v, of small matrices and vectors, one of each for every unit."""
+    if not is_there():
+        if transposed:
+            return np.asarray(np.matmul(vectors[:, None, :], matrices)[:, 0])
+        return np.asarray(np.matmul(matrices, vectors[:, :, None])[:, :, 0])
+    units, rows, columns = matrices.shape
+    found = np.empty((units, columns if transposed else rows))
+    call("unit_products", units, rows, columns, int(transposed), matrices, vectors, found)
+    return found
 
 
 def _dots(v: Array, w: Array) -> Array:

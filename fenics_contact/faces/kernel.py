@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.faces.cones import Array, Positive
+from fenics_contact.faces.cones import Array, Positive, times
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations, Springs
 from fenics_contact.search_options import SEARCH, SearchOptions
@@ -328,7 +328,7 @@ class Newton:
         stationary = model.relative(point.motion) + method.offset
         stationary += method.compliance * point.force
         for gradient, dual in zip(self.gradients, point.duals, strict=False):
-            stationary -= _transposed(gradient, dual)
+            stationary -= times(gradient, dual, True)
         row_duals = point.duals[-1]
         pressed = method.cost - method.rows.T @ row_duals
         self.stationary = stationary + pressed[:, None] * method.pressing
@@ -411,10 +411,10 @@ class Newton:
             weights.append(model.curvature(point.duals)[:, None])
         self.inverse = self._springs().inverse(np.hstack(weights))
         self.solver = method.program.equations.factored(self.inverse, method.symmetric)
-        columns = [_times(self.inverse, row[:, None] * method.pressing) for row in method.rows]
+        columns = [times(self.inverse, row[:, None] * method.pressing) for row in method.rows]
         borders = [model.live, *(model.transposed @ column.ravel() for column in columns)]
         self.border = self.solver(np.column_stack(borders))
-        self.changed = [-_times(self.inverse, model.relative(one)) for one in self.border.T]
+        self.changed = [-times(self.inverse, model.relative(one)) for one in self.border.T]
         for row, column in enumerate(columns):
             self.changed[1 + row] += column
         duals = point.duals[-1]
@@ -465,7 +465,7 @@ class Newton:
 
     def _step(self, motion: Array, load_factor: float, force: Array, shifts: list[Array]) -> Point:
         """A change of the forces with those of slacks and multipliers; without rows."""
-        slacks = [_times(gradient, force) for gradient in self.right]
+        slacks = [times(gradient, force) for gradient in self.right]
         triples = zip(shifts, self.scaled[:-1], slacks, strict=True)
         duals = [shift - one.stretch(ds) for shift, one, ds in triples]
         none = np.zeros(0)
@@ -479,11 +479,11 @@ class Newton:
         shifts = [one.shift(change) for one, change in pairs]
         wanted = -residuals * self.stationary
         for gradient, shift in zip(self.gradients, shifts, strict=True):
-            wanted += _transposed(gradient, shift)
+            wanted += times(gradient, shift, True)
         right = residuals * self.equilibrium
-        right = right + model.transposed @ _times(self.inverse, wanted).ravel()
+        right = right + model.transposed @ times(self.inverse, wanted).ravel()
         motion = self.solver(right)
-        return motion, _times(self.inverse, wanted - model.relative(motion)), shifts
+        return motion, times(self.inverse, wanted - model.relative(motion)), shifts
 
     def direction(self, changes: Sequence[Array], residuals: float) -> Point:
         """The direction that changes the products, and takes away a part of the residuals."""
@@ -500,7 +500,7 @@ class Newton:
             raise SolverError(f"face forces: {error}") from None
         for part, change in zip(border, self.changed, strict=True):
             force += part * change
-        slacks = [_times(gradient, force) for gradient in self.right]
+        slacks = [times(gradient, force) for gradient in self.right]
         triples = zip(shifts, self.scaled[:-1], slacks, strict=True)
         duals = [shift - one.stretch(ds) for shift, one, ds in triples]
         rows = method.rows @ model.normal(force) + method.factors * border[0]
@@ -611,13 +611,3 @@ def elastic_response(model: FaceModel, equations: Equations) -> Response:
             force = -model.relative(solver(model.dead)) / model.compliance
             equations.response = Response(live, float(model.live @ live), force)
     return equations.response
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    """Products of small matrices and vectors."""
-    return np.asarray(np.matmul(matrix, vector[:, :, None])[:, :, 0])
-
-
-def _transposed(gradient: Array, dual: Array) -> Array:
-    """G^T z."""
-    return np.asarray(np.matmul(dual[:, None, :], gradient)[:, 0])

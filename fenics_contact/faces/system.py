@@ -12,7 +12,7 @@ range over many powers of ten: elimination cancels digits that this sum keeps.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Any
 
@@ -88,16 +88,26 @@ class Springs:
 
     def _inverse(self, weights: Array) -> Array:
         """The same by numpy."""
-        right, left = self._right, self._left
-        choices, bases, last = _choices(right.shape[1], right.shape[2])
-        crossed = cross_products(right, choices)
-        other = crossed if left is right else cross_products(left, choices)
-        volume = np.einsum("ujm,ujm->uj", crossed[:, bases], right[:, last])
-        volume = volume * np.einsum("ujm,ujm->uj", other[:, bases], left[:, last])
+        choices, bases, last = self._choices
+        right, left, volumes = self._crossed
         chosen = np.prod(weights[:, choices], axis=2)
-        determinant = np.einsum("uj,uj->u", chosen[:, bases] * weights[:, last], volume)
-        scaled = crossed * (chosen / determinant[:, None])[:, :, None]
-        return np.asarray(np.matmul(scaled.transpose(0, 2, 1), other))
+        determinant = np.einsum("uj,uj->u", chosen[:, bases] * weights[:, last], volumes)
+        scaled = right * (chosen / determinant[:, None])[:, :, None]
+        return np.asarray(np.matmul(scaled.transpose(0, 2, 1), left))
+
+    @cached_property
+    def _choices(self) -> tuple[Any, Any, Any]:
+        return _choices(self._right.shape[1], self._right.shape[2])
+
+    @cached_property
+    def _crossed(self) -> tuple[Array, Array, Array]:
+        """c_J of right and left vectors, and det L_J det R_J."""
+        choices, bases, last = self._choices
+        vectors = self._right, self._left
+        right, left = (cross_products(one, choices) for one in vectors)
+        pairs = zip((right, left), vectors, strict=True)
+        first, second = (np.einsum("ujm,ujm->uj", c[:, bases], v[:, last]) for c, v in pairs)
+        return right, left, first * second
 
 
 @lru_cache(maxsize=8)
