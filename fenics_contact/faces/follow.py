@@ -32,7 +32,9 @@ from fenics_contact.faces.kernel import (
     Newton,
     Point,
     Program,
+    Tolerances,
     elastic_response,
+    solve,
 )
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
@@ -413,26 +415,30 @@ class LoadingPath:
             length = min(SEARCH.follow_longest, length * (2.0, 2.0, 1.3, 0.8, 0.8, 0.8)[rounds])
 
     def followed(self) -> list[Place]:
-        """Places of the path from its start to its end; in short steps from where it is lost.
+        """Places of the path from its start to its end; in shorter steps from where it is lost.
 
         Raises:
             SolverError: If it comes to no end.
         """
+        way = self._way
+        self._way = replace(way, least=0.3 * way.least)
         places = [self.start()]
-        try:
-            for place in self.points(places[0], SEARCH.follow_works):
-                places.append(place)
-        except TooLong:
-            raise
-        except SolverError:
-            if len(places) <= SEARCH.follow_back:
+        before: Array | None = None
+        lost = ""
+        for part, length in ((1.0, 0.3), (0.3, 0.1)):
+            self._way = replace(way, least=part * way.least, close=part * way.close)
+            try:
+                for place in self.points(places[-1], SEARCH.follow_works, length, before):
+                    places.append(place)
+            except TooLong:
                 raise
-            self._way = replace(self._way, least=0.1 * self._way.least, close=0.3 * self._way.close)
-            places = places[: -SEARCH.follow_back + 1]
-            before = places[-1].units - places[-2].units
-            for place in self.points(places[-1], SEARCH.follow_works, 0.1, before):
-                places.append(place)
-        return places
+            except SolverError as error:
+                lost = str(error)
+            else:
+                return places
+            places = places[: max(1, len(places) - SEARCH.follow_back + 1)]
+            before = places[-1].units - places[-2].units if len(places) > 1 else None
+        raise SolverError(lost)
 
     def _across(self, at: Place, across: Array) -> tuple[Place, Place, float, int]:
         """The place of the path in the plane across its tangent, its tangent, and corrections.
@@ -478,6 +484,22 @@ class LoadingPath:
         except SolverError:
             return at
 
+    def without_products(self, at: Place) -> Iterate:
+        """The state at the work of a place, products as small as they become.
+
+        The interior point method comes there in a few steps, or not at all; then products fall
+        step by step.
+        """
+        laws = self.law.strength, self._model.friction, self._model.dilatancy
+        program = Program(self._model, self.equations, *laws, self.work(at), elastic=True)
+        found = solve(program, self.iterate(at), Tolerances(SEARCH.follow_products))
+        if found.gap <= SEARCH.follow_products:
+            return found
+        products = self._products
+        end = self.iterate(self.settled(at, SEARCH.follow_products, self.work(at)))
+        self._set_products(products)
+        return end
+
 
 class TooLong(SolverError):
     """The path needs more factorisations than it may."""
@@ -496,13 +518,15 @@ class Way:
 
     products: float
     work: float | None = None
-    least: float = 3e-2
-    close: float = 3e-2
+    least: float = 0.1
+    close: float = 0.1
 
 
-#: Ways, the usual one first. Larger products lead to an end where it does not, but a path with them
-#: takes another branch now and then; so may another start.
-WAYS = (Way(1e-3), Way(1e-2), Way(1e-3, 1.0))
+#: Ways, the usual one first. Short steps, larger products and another start lead to an end where it
+#: does not, but a path with larger products, or another start, takes another branch now and then.
+WAYS = (Way(1e-3), Way(1e-3, least=0.03, close=0.03), Way(1e-2), Way(1e-3, 1.0))
+#: Those of walls of `SEARCH.large_wall` blocks and more: others are dear.
+LARGE_WAYS = (WAYS[0], WAYS[2])
 
 
 @dataclass(frozen=True)
@@ -510,24 +534,19 @@ class Followed:
     """A path that was followed to its end.
 
     Attributes:
-        path: With the products of its end.
-        end: Near a collapse.
+        path: How.
         places: Of the path, in order.
+        iterate: The state at the work of the last place, without products.
     """
 
     path: LoadingPath
-    end: Place
     places: list[Place]
-
-    @property
-    def iterate(self) -> Iterate:
-        """The end in terms of the kernel."""
-        return self.path.iterate(self.end)
+    iterate: Iterate
 
     @property
     def work(self) -> float:
         """W at the end."""
-        return self.path.work(self.end)
+        return self.path.work(self.places[-1])
 
 
 def followed(
@@ -548,14 +567,12 @@ def followed(
         SolverError: If no way leads to an end.
     """
     reasons = []
-    for way in WAYS:
+    for way in LARGE_WAYS if model.blocks >= SEARCH.large_wall else WAYS:
         path = LoadingPath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
                 places = path.followed()
-                end = path.settled(places[-1], SEARCH.follow_products, path.work(places[-1]))
+                return Followed(path, places, path.without_products(places[-1]))
         except SolverError as error:
             reasons.append(str(error))
-        else:
-            return Followed(path, end, places)
     raise SolverError("; ".join(dict.fromkeys(reasons)))

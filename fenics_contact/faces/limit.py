@@ -125,7 +125,7 @@ class FaceSearch:
         else:
             found = self._certifier.exact(path.iterate)
             found = found or self._certifier.near(path.iterate, path.work)[0]
-            self._take(LOADING_PATH, path.end.load_factor, found)
+            self._take(LOADING_PATH, path.iterate.load_factor, found)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
 

@@ -72,6 +72,11 @@ class FaceModel:
         return self.compliance.shape[0], self.compliance.shape[1]
 
     @property
+    def blocks(self) -> int:
+        """How many blocks move; 0 where that is not known."""
+        return 0 if self.block is None else int(self.block.max(initial=-1)) + 1
+
+    @property
     def has_many_blocks(self) -> bool:
         """Whether there are so many motions that convex programs come first."""
         return len(self.dead) > SEARCH.many_motions

@@ -207,8 +207,8 @@ def collapse_of(
     try:
         whole: FaceState | None = None
         if not (_alike(structure, sign) and wedged()):
-            if np.count_nonzero(structure.number >= 0) < SEARCH.large_wall:
-                whole = search.follow()  # dear beyond
+            if not model.has_many_blocks:
+                whole = search.follow()
             whole = whole or search.run(unlimited)
         state: FaceState | CrushedState | None = whole
         if whole is not None and crushes and not unlimited():
