@@ -267,6 +267,8 @@ def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
     if alone and lower:
         least = words.beside(lower, end.load_factor, end.sign, -1)
         yield Line("no collapse state is below", least, states=True)
+    if bounds.reason:
+        yield Line(f"whether other collapse states are lower is {bounds.reason}", states=True)
     if upper is not None and math.isfinite(upper):
         most = words.beside(upper, end.load_factor, end.sign, 1)
         times = " times" * words.forces  # beside the force itself

@@ -90,7 +90,7 @@ class FaceSearch:
                 States beside the best one are then looked for first, as long as gaps fall.
         """
         if self.model.has_many_blocks:
-            self._from_associative("convex programs, ")
+            self._from_associative("convex programs, ", signs=(1.0,))
             self._from_best(SEARCH.face_rounds, "convex programs, ")
             if self._found or self.is_spent:
                 return self.best
@@ -147,7 +147,7 @@ class FaceSearch:
             if self._found or self.is_spent or not best.gap < 0.9 * before.gap:
                 return
 
-    def _from_associative(self, way: str = "") -> None:
+    def _from_associative(self, way: str = "", signs: tuple[float, ...] = (1.0, -1.0)) -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
@@ -156,7 +156,7 @@ class FaceSearch:
         upper = associative_state(self.model, self.equations)
         if not upper.within(SEARCH.rough_gap):
             return
-        for sign in (1.0, -1.0):
+        for sign in signs:
             self._check_stop()
             certifier = Certifier(self.model, self.equations, sign, self._asked)
             found = certifier.of(upper.force)

@@ -25,6 +25,7 @@ from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import (
     Iterate,
     Program,
+    Row,
     Tolerances,
     elastic_response,
     solve,
@@ -180,21 +181,44 @@ def motion_under(model: FaceModel, load_factor: float) -> Array | None:
 
     The largest part of these loads that has an equilibrium is looked for.
     """
+    return _carried(model, load_factor)[1]
+
+
+def proved_fall(model: FaceModel, load_factor: float) -> Array | None:
+    """Motion under lambda of the live load; None if an equilibrium proves that it is carried.
+
+    Raises:
+        SolverError: If neither is found.
+    """
+    carried, motion = _carried(model, load_factor)
+    if motion is not None:
+        closing = replace(model, dilatancy=model.friction).power(motion).closing.max(initial=0.0)
+        if closing > SEARCH.verified * np.abs(model.relative(motion)).max():
+            motion = None
+    if motion is None and not carried:
+        raise SolverError("face forces: whether the loads stand is not known")
+    return motion
+
+
+def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
+    """Whether an equilibrium under loads was found; else their motion, None if none was found."""
     loads = model.dead + load_factor * model.live
     whole = replace(model, dead=np.zeros_like(loads), live=loads, dilatancy=model.friction)
     if not np.any(loads):
-        return None
+        return True, None
 
     def enough(iterate: Iterate) -> bool:
         return iterate.load_factor >= 1.0 and iterate.missing < 1e-9
 
-    program = Program(whole, Equations(whole), model.strength, model.friction, model.friction)
-    found = solve(program, enough=enough)
+    # Twice the loads at most: where nothing limits them equilibrium would come late.
+    most = Row(np.zeros(model.shape[0]), -1.0, -2.0)
+    laws = model.strength, model.friction, model.friction
+    found = solve(Program(whole, Equations(whole), *laws, rows=(most,)), enough=enough)
     work = float(loads @ found.motion)
     if enough(found) or work <= 0.0:
-        return None
+        return enough(found), None
     motion = found.motion / work
-    return motion if whole.power(motion).bound(model.strength) < 1.0 else None
+    return False, motion if whole.power(motion).bound(model.strength) < 1.0 else None
 
 
 def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
