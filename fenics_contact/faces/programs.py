@@ -56,6 +56,8 @@ def associative_end(model: FaceModel) -> float | None:
         model: The faces; slip is taken to be associative, with the dilatancy F.
     """
     firm = replace(SEARCH, regularization=SEARCH.feasibility)
+    many = model.has_many_blocks
+    close = 5.0 * SEARCH.many_gap * SEARCH.gap if many else SEARCH.rounding
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -84,15 +86,15 @@ def associative_end(model: FaceModel) -> float | None:
         if found is not None and (end is None or found < end):
             end = found
         reached = carried + iterate.load_factor
-        if end is None or iterate.missing > 10.0 * SEARCH.exact_state:
+        if end is None or (iterate.missing > 10.0 * SEARCH.exact_state and not many):
             return False
-        return abs(end - reached) <= SEARCH.rounding * model.size(reached)
+        return abs(end - reached) <= close * model.size(reached)
 
     for _ in range(SEARCH.works):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
         found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor
-        if stands and end is not None and end - carried <= SEARCH.agrees * model.size(carried):
+        if stands and end is not None and end - carried <= max(close, SEARCH.agrees) * model.size(carried):
             return end
         if end is None and (joined := _joined(model, found.motion)) is not None:
             return associative_end(joined)
