@@ -176,6 +176,9 @@ class SearchOptions:
     # ---- lower states by face forces (answers/lowest)
     #: Gap of a state at most.
     lower_state_gap: float = 1.5e-4
+    #: Friction of a start at most: with more, elastic states next to several collapse states are
+    #: alike. That of stones is less.
+    start_friction: float = 1.0
     #: Factorisations of one start at most, unasked.
     usual_effort: int = 150
 

@@ -37,7 +37,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     """The collapse of a load case, to a relative tolerance on the load factor.
 
     The plateau is the nearer the larger the work, and the longer the path. A tolerance that is
-    looser than usual asks for less of both. Of thousands of blocks it is followed only if asked for.
+    looser than usual asks for less of both. Of thousands of blocks it is followed only if asked.
 
     Raises:
         Stopped: If the run is to end; the record of the load case has what was found.

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ _log = logging.getLogger("fenics_contact")
 
 #: Name of an attempt.
 LOADING_PATH = "loading path"
+#: Frictions of a model.
+FRICTIONS = "friction", "dilatancy"
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,12 @@ class FaceSearch:
             self._take(LOADING_PATH, path.end.load_factor, found)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
+
+    def with_friction(self, most: float) -> FaceSearch:
+        """A search of its own on the same units with so much friction at most."""
+        laws = {name: np.minimum(getattr(self.model, name), most) for name in FRICTIONS}
+        less = replace(self.model, **laws)
+        return FaceSearch(less, self._asked, self._effort, self._check_stop, self._near)
 
     @property
     def way(self) -> str:

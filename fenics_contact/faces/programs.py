@@ -94,7 +94,11 @@ def associative_end(model: FaceModel) -> float | None:
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
         found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor
-        if stands and end is not None and end - carried <= max(close, SEARCH.agrees) * model.size(carried):
+        if (
+            stands
+            and end is not None
+            and end - carried <= max(close, SEARCH.agrees) * model.size(carried)
+        ):
             return end
         if end is None and (joined := _joined(model, found.motion)) is not None:
             return associative_end(joined)
@@ -193,13 +197,21 @@ def proved_fall(model: FaceModel, load_factor: float) -> Array | None:
         SolverError: If neither is found.
     """
     carried, motion = _carried(model, load_factor)
-    if motion is not None:
-        closing = replace(model, dilatancy=model.friction).power(motion).closing.max(initial=0.0)
-        if closing > SEARCH.verified * np.abs(model.relative(motion)).max():
-            motion = None
-    if motion is None and not carried:
+    proof = None if motion is None else proved(model, load_factor, motion)
+    if proof is None and not carried:
         raise SolverError("face forces: whether the loads stand is not known")
-    return motion
+    return proof
+
+
+def proved(model: FaceModel, load_factor: float, motion: Array) -> Array | None:
+    """A motion that no forces inside the cones resist, with rounding against it; or None."""
+    loads = model.dead + load_factor * model.live
+    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
+    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
+    doubt = power.closing.sum() * np.abs(loads).sum()
+    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    held = power.bound(model.strength) + doubt >= float(loads @ motion)
+    return None if held else motion
 
 
 def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:

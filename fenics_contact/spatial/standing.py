@@ -17,7 +17,13 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.kernel import Iterate
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
+from fenics_contact.faces.programs import (
+    motion_under,
+    proved,
+    state_alone,
+    state_under,
+    widest_motion,
+)
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.result import NOT_KNOWN
@@ -135,15 +141,7 @@ def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) ->
 def _proof(model: FaceModel, load_factor: float) -> Array | None:
     """A motion that no forces inside the cones resist, with rounding against it; or None."""
     motion = motion_under(model, load_factor)
-    if motion is None:
-        return None
-    loads = model.dead + load_factor * model.live
-    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
-    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
-    doubt = power.closing.sum() * np.abs(loads).sum()
-    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
-    held = power.bound(model.strength) + doubt >= float(loads @ motion)
-    return None if held else motion
+    return None if motion is None else proved(model, load_factor, motion)
 
 
 def wedged_blocks(

@@ -291,7 +291,9 @@ class RigidBlocks:
 
     @cached_property
     def _classical_bounds(self) -> LimitBounds:
-        bare = self.frictionless._fall is None
+        bare = False
+        with suppress(SolverError):  # not known of many blocks
+            bare = self.frictionless._fall is None
         stands = bare or self._fall is None
         reason = NOT_AT_THIS_SIZE * self.has_many
         lower = self.frictionless._upper if bare and not reason else None
