@@ -300,11 +300,20 @@ def _by_work(model: FaceModel) -> Iterate | None:
 
 
 def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | None:
-    """The elastic state in which the live load, if there is one, does some work."""
+    """The elastic state in which the live load, if there is one, does some work.
+
+    Where products are too small for the digits of motions, the iterate before is the state.
+    """
+    near: list[Iterate] = []
+
+    def kept(iterate: Iterate) -> bool:
+        if iterate.within(SEARCH.rough_gap, SEARCH.exact_state, 10.0 * SEARCH.verified):
+            near.append(iterate)
+        return False
+
     laws = model.strength, model.friction, model.dilatancy
-    found = solve(Program(model, equations, *laws, work, elastic=True))
-    near = found.within(SEARCH.rough_gap, SEARCH.exact_state, 10.0 * SEARCH.verified)
-    return found if near else None
+    solve(Program(model, equations, *laws, work, elastic=True), enough=kept)
+    return min(near, key=lambda iterate: iterate.gap, default=None)
 
 
 def state_alone(model: FaceModel) -> Iterate | None:
