@@ -205,7 +205,7 @@ def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
         head = f"{end.searched}:" if end.searched else "it collapses at"
         drawn = " as drawn, but blocks roll" if end.rolling else ""
         form = f"{head} {{}} (verified{drawn})"
-        amounts.setdefault(form, []).append(words.amount(end.load_factor, name))
+        amounts.setdefault(form, []).append(words.amount(end.load_factor, name, end.digits))
     found = [form.format(", ".join(known)) for form, known in amounts.items()]
     others = {name: end for name, end in result.ends.items() if name not in limits}
     lost = (_without_limit(end, result.reason(end), words, name) for name, end in others.items())

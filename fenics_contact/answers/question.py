@@ -58,7 +58,7 @@ class Question:
 
     def has_many_blocks(self) -> bool:
         """Whether programs for HiGHS would take minutes."""
-        return self.case.blocks.has_many
+        return self.case.blocks.model.units.has_many_blocks
 
     def loses_strength(self) -> bool:
         """Whether joints lose their strengths where they open."""

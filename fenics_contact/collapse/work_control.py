@@ -43,7 +43,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
         Stopped: If the run is to end; the record of the load case has what was found.
     """
     solve = case.discretization.scene.solve
-    if case.blocks.has_many and solve.engine == solve.method == "auto":
+    if case.blocks.model.units.has_many_blocks and solve.engine == solve.method == "auto":
         why = f"the path of elastic blocks is {NOT_AT_THIS_SIZE}"
         return Collapse("not_converged", math.nan, case.blocks.bounds, reason=why)
     search = _Search(case, strategy, tolerance)

@@ -33,8 +33,6 @@ _log = logging.getLogger("fenics_contact")
 
 #: Name of an attempt.
 LOADING_PATH = "loading path"
-#: Frictions of a model.
-FRICTIONS = "friction", "dilatancy"
 
 
 @dataclass(frozen=True)
@@ -133,8 +131,8 @@ class FaceSearch:
 
     def with_friction(self, most: float) -> FaceSearch:
         """A search of its own on the same units with so much friction at most."""
-        laws = {name: np.minimum(getattr(self.model, name), most) for name in FRICTIONS}
-        less = replace(self.model, **laws)
+        friction, dilatancy = np.minimum([self.model.friction, self.model.dilatancy], most)
+        less = replace(self.model, friction=friction, dilatancy=dilatancy)
         return FaceSearch(less, self._asked, self._effort, self._check_stop, self._near)
 
     @property

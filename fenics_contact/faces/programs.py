@@ -183,9 +183,9 @@ def _least_opening(model: FaceModel, mode: Array) -> tuple[Array, Array]:
 
 
 def motion_under(model: FaceModel, load_factor: float) -> Array | None:
-    """Motion of faces at their strengths under lambda of the live load; None if they carry it.
+    """Motion under lambda of the live load that no forces inside the cones resist; or None.
 
-    The largest part of these loads that has an equilibrium is looked for.
+    All rounding is against it. The largest part of these loads with an equilibrium is looked for.
     """
     return _carried(model, load_factor)[1]
 
@@ -197,21 +197,9 @@ def proved_fall(model: FaceModel, load_factor: float) -> Array | None:
         SolverError: If neither is found.
     """
     carried, motion = _carried(model, load_factor)
-    proof = None if motion is None else proved(model, load_factor, motion)
-    if proof is None and not carried:
+    if motion is None and not carried:
         raise SolverError("face forces: whether the loads stand is not known")
-    return proof
-
-
-def proved(model: FaceModel, load_factor: float, motion: Array) -> Array | None:
-    """A motion that no forces inside the cones resist, with rounding against it; or None."""
-    loads = model.dead + load_factor * model.live
-    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
-    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
-    doubt = power.closing.sum() * np.abs(loads).sum()
-    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
-    held = power.bound(model.strength) + doubt >= float(loads @ motion)
-    return None if held else motion
+    return motion
 
 
 def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
@@ -232,7 +220,11 @@ def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
     if enough(found) or work <= 0.0:
         return enough(found), None
     motion = found.motion / work
-    return False, motion if whole.power(motion).bound(model.strength) < 1.0 else None
+    power = whole.power(motion)
+    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
+    doubt = power.closing.sum() * np.abs(loads).sum()
+    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    return False, motion if power.bound(model.strength) + doubt < 1.0 else None
 
 
 def widest_motion(model: FaceModel, load_factor: float) -> Array | None:

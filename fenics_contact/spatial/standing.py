@@ -17,13 +17,7 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.kernel import Iterate
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import (
-    motion_under,
-    proved,
-    state_alone,
-    state_under,
-    widest_motion,
-)
+from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.result import NOT_KNOWN
@@ -129,19 +123,13 @@ def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) ->
     held = np.where(np.append(structure.number, -1) < 0, count, np.arange(count + 1))[ends]
     parts = connected(held, count + 1)
     loose = (parts[:count] != parts[count]) & (structure.number >= 0)
-    motion = None if np.any(loose) else _proof(model, load_factor)
+    motion = None if np.any(loose) else motion_under(model, load_factor)
     if motion is None and not np.any(loose):
         return ()
     widest = widest_motion(model, load_factor)
     motion = motion if widest is None else widest
     named = () if motion is None else _numbers(structure, motion)
     return tuple(sorted({*named, *np.flatnonzero(loose).tolist()}))
-
-
-def _proof(model: FaceModel, load_factor: float) -> Array | None:
-    """A motion that no forces inside the cones resist, with rounding against it; or None."""
-    motion = motion_under(model, load_factor)
-    return None if motion is None else proved(model, load_factor, motion)
 
 
 def wedged_blocks(

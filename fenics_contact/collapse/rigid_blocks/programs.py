@@ -45,12 +45,7 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import (
-    associative_end,
-    motion_under,
-    proved_fall,
-    state_under,
-)
+from fenics_contact.faces.programs import associative_end, motion_under, proved_fall, state_under
 from fenics_contact.results.bounds import NOT_AT_THIS_SIZE, LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
@@ -174,11 +169,6 @@ class RigidBlocks:
         """Whether some face has a compressive strength."""
         return self.model.has_strength
 
-    @property
-    def has_many(self) -> bool:
-        """Whether all ends are the face engine's: HiGHS takes minutes to say nothing."""
-        return self.model.units.has_many_blocks
-
     def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
 
@@ -260,11 +250,10 @@ class RigidBlocks:
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
         model = self.model
-        if self.has_many:
-            return associative_end(model.units)
-        if self.has_strength:
-            unlimited = wedging_forces(model) is not None
-            return np.inf if unlimited else associative_end(model.units)
+        if self.has_strength or model.units.has_many_blocks:
+            end = associative_end(model.units)
+            unlimited = end is None and wedging_forces(model) is not None
+            return np.inf if unlimited else end
         # On large walls the face engine is twenty times as fast as HiGHS; its mode proves an upper
         # end. Without friction the value is a lower end, too: it is 0 where nothing more is carried
         # than what stands.
@@ -295,7 +284,7 @@ class RigidBlocks:
         with suppress(SolverError):  # not known of many blocks
             bare = self.frictionless._fall is None
         stands = bare or self._fall is None
-        reason = NOT_AT_THIS_SIZE * self.has_many
+        reason = NOT_AT_THIS_SIZE * self.model.units.has_many_blocks
         lower = self.frictionless._upper if bare and not reason else None
         lower = None if lower is None else max(lower, 0.0)
         return LimitBounds(lower, self._upper if stands else np.inf, lower, reason)
