@@ -304,7 +304,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
         return False
 
     laws = model.strength, model.friction, model.dilatancy
-    solve(Program(model, equations, *laws, work, elastic=True), enough=kept)
+    kept(solve(Program(model, equations, *laws, work, elastic=True), enough=kept))
     return min(near, key=lambda iterate: iterate.gap, default=None)
 
 
