@@ -205,7 +205,7 @@ def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
         head = f"{end.searched}:" if end.searched else "it collapses at"
         drawn = " as drawn, but blocks roll" if end.rolling else ""
         form = f"{head} {{}} (verified{drawn})"
-        amounts.setdefault(form, []).append(words.amount(end.load_factor, name))
+        amounts.setdefault(form, []).append(words.amount(end.load_factor, name, end.digits))
     found = [form.format(", ".join(known)) for form, known in amounts.items()]
     others = {name: end for name, end in result.ends.items() if name not in limits}
     lost = (_without_limit(end, result.reason(end), words, name) for name, end in others.items())
@@ -267,6 +267,8 @@ def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
     if alone and lower:
         least = words.beside(lower, end.load_factor, end.sign, -1)
         yield Line("no collapse state is below", least, states=True)
+    if bounds.reason:
+        yield Line(f"whether other collapse states are lower is {bounds.reason}", states=True)
     if upper is not None and math.isfinite(upper):
         most = words.beside(upper, end.load_factor, end.sign, 1)
         times = " times" * words.forces  # beside the force itself

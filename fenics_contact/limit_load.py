@@ -355,7 +355,9 @@ def _solved(
     here, *others = _directions(scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization, check_stop=discretization.effort.wait)
-    lower = 0.0 if blocks.frictionless.stands() else None
+    lower = None
+    with suppress(SolverError):  # not known of many blocks
+        lower = 0.0 if blocks.frictionless.stands() else None
     fall = blocks.fall() if lower is None else None
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:

@@ -146,6 +146,10 @@ class SearchOptions:
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
     #: Relative gap of a state that counts as one at all.
     rough_gap: float = 1e-2
+    #: Gap of elastic states beside which states are looked for in space; `rough_gap` in the plane.
+    #: Many points of a face share its pressure there: a twisted block carries 30 % more next to a
+    #: state of 1e-2. Two ends of a face have no such choice.
+    shared_gap: float = 1e-4
     #: Steps at most.
     face_rounds: int = 10
     #: Relative gap of each; part of the dissipation that the bound misses, from which on the
@@ -160,7 +164,7 @@ class SearchOptions:
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
     #: Factorisations of one way at most.
-    follow_effort: int = 750
+    follow_effort: int = 400
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
     #: Products that are as good as nothing, in units of the typical force and displacement.
@@ -176,6 +180,9 @@ class SearchOptions:
     # ---- lower states by face forces (answers/lowest)
     #: Gap of a state at most.
     lower_state_gap: float = 1.5e-4
+    #: Friction of a start at most: with more, elastic states next to several collapse states are
+    #: alike. That of stones is less.
+    start_friction: float = 1.0
     #: Factorisations of one start at most, unasked.
     usual_effort: int = 150
 

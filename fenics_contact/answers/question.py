@@ -56,6 +56,10 @@ class Question:
         """Whether a load that rises step by step led to it."""
         return self.end.path is not None
 
+    def has_many_blocks(self) -> bool:
+        """Whether programs for HiGHS would take minutes."""
+        return self.case.blocks.model.units.has_many_blocks
+
     def loses_strength(self) -> bool:
         """Whether joints lose their strengths where they open."""
         return bool(np.any(self.case.discretization.joints.losing))

@@ -27,7 +27,7 @@ from fenics_contact.collapse.rigid_blocks.model import BlockModel, LinearProgram
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.bounds import MEET, LimitBounds, four_digits
+from fenics_contact.results.bounds import MEET, NOT_AT_THIS_SIZE, LimitBounds, four_digits
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.values import JointValues
 from fenics_contact.results.wording import Line, Wording
@@ -80,6 +80,7 @@ class RangeAnswer(Asked):
     value: MechanismRange
     name = key = seconds = "range"
     place = 5
+    unless = ((Question.has_many_blocks, f"it is {NOT_AT_THIS_SIZE}"),)
 
     @classmethod
     def concerns(cls, question: Question) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +23,7 @@ from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import stiffness_alone
+from fenics_contact.results.bounds import NOT_AT_THIS_SIZE
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
@@ -35,11 +37,15 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     """The collapse of a load case, to a relative tolerance on the load factor.
 
     The plateau is the nearer the larger the work, and the longer the path. A tolerance that is
-    looser than usual asks for less of both.
+    looser than usual asks for less of both. Of thousands of blocks it is followed only if asked.
 
     Raises:
         Stopped: If the run is to end; the record of the load case has what was found.
     """
+    solve = case.discretization.scene.solve
+    if case.blocks.model.units.has_many_blocks and solve.engine == solve.method == "auto":
+        why = f"the path of elastic blocks is {NOT_AT_THIS_SIZE}"
+        return Collapse("not_converged", math.nan, case.blocks.bounds, reason=why)
     search = _Search(case, strategy, tolerance)
     options = strategy.options
     record = case.record

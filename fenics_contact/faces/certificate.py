@@ -168,11 +168,17 @@ class Certifier:
             own = known + float(cost @ model.normal(iterate.force))
             return own - self.sign * iterate.load_factor
 
+        balanced: Iterate | None = None  # equilibrium loses digits as products fall
+        least = SEARCH.rough_gap
+
         def enough(iterate: Iterate) -> bool:
             """Of many blocks: as good as asked for, or so near that it gets no better."""
+            nonlocal balanced, least
+            gap = left(iterate) / model.size(iterate.load_factor)
+            if iterate.missing < 10.0 * SEARCH.exact_state and gap < least:
+                balanced, least = iterate, gap
             if not model.has_many_blocks or iterate.missing > 5.0 * SEARCH.exact_state:
                 return False
-            gap = left(iterate) / model.size(iterate.load_factor)
             return gap < 0.5 * self.asked or iterate.gap < SEARCH.many_gap * max(gap, self.asked)
 
         if near is not None:
@@ -188,6 +194,8 @@ class Certifier:
                 found = None
         if found is None:
             found = solve(program, None, to_least_gap(), enough=enough)
+            if balanced is not None and found.missing >= 10.0 * SEARCH.exact_state:
+                found = balanced
         return self.state(found, mode)
 
     def state(self, found: Iterate, mode: Array) -> FaceState | None:

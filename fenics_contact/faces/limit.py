@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,7 +90,7 @@ class FaceSearch:
                 States beside the best one are then looked for first, as long as gaps fall.
         """
         if self.model.has_many_blocks:
-            self._from_associative("convex programs, ")
+            self._from_associative("convex programs, ", signs=(1.0,))
             self._from_best(SEARCH.face_rounds, "convex programs, ")
             if self._found or self.is_spent:
                 return self.best
@@ -129,6 +129,12 @@ class FaceSearch:
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
 
+    def with_friction(self, most: float) -> FaceSearch:
+        """A search of its own on the same units with so much friction at most."""
+        friction, dilatancy = np.minimum([self.model.friction, self.model.dilatancy], most)
+        less = replace(self.model, friction=friction, dilatancy=dilatancy)
+        return FaceSearch(less, self._asked, self._effort, self._check_stop, self._near)
+
     @property
     def way(self) -> str:
         """How the best state was reached: "follow", "half", "convex" or "one shot"."""
@@ -147,7 +153,7 @@ class FaceSearch:
             if self._found or self.is_spent or not best.gap < 0.9 * before.gap:
                 return
 
-    def _from_associative(self, way: str = "") -> None:
+    def _from_associative(self, way: str = "", signs: tuple[float, ...] = (1.0, -1.0)) -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
@@ -156,7 +162,7 @@ class FaceSearch:
         upper = associative_state(self.model, self.equations)
         if not upper.within(SEARCH.rough_gap):
             return
-        for sign in (1.0, -1.0):
+        for sign in signs:
             self._check_stop()
             certifier = Certifier(self.model, self.equations, sign, self._asked)
             found = certifier.of(upper.force)

@@ -39,6 +39,9 @@ Start = tuple[float, float, int] | FaceSearch
 def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
     """The lowest state that one start leads to; None if it leads to none.
 
+    States with less friction are inside the cones, too: with much of it blocks only turn next to
+    elastic states, and the modes of these allow no lower state.
+
     Raises:
         Stopped: If the search is to end.
     """
@@ -47,6 +50,13 @@ def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
         fewer = start.run()  # its mode is one of all points
         found = fewer and lowered(search, certifier, replace(fewer, gap=np.inf))
         return found if found and found.gap <= SEARCH.lower_state_gap else None
+    if np.any(search.model.friction > SEARCH.start_friction):
+        less = search.with_friction(SEARCH.start_friction)
+        first = lowest_from(less, start)
+        found = first and lowered(search, certifier, replace(first, gap=np.inf))
+        search.equations.factorizations += less.equations.factorizations
+        if found is not None and found.gap <= SEARCH.lower_state_gap:
+            return found
     theta, part, steps = start
     pressed = part * search.dead_forces
     settled = False

@@ -25,6 +25,7 @@ from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import (
     Iterate,
     Program,
+    Row,
     Tolerances,
     elastic_response,
     solve,
@@ -55,6 +56,8 @@ def associative_end(model: FaceModel) -> float | None:
         model: The faces; slip is taken to be associative, with the dilatancy F.
     """
     firm = replace(SEARCH, regularization=SEARCH.feasibility)
+    many = model.has_many_blocks
+    close = 5.0 * SEARCH.many_gap * SEARCH.gap if many else SEARCH.rounding
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -83,15 +86,19 @@ def associative_end(model: FaceModel) -> float | None:
         if found is not None and (end is None or found < end):
             end = found
         reached = carried + iterate.load_factor
-        if end is None or iterate.missing > 10.0 * SEARCH.exact_state:
+        if end is None or (iterate.missing > 10.0 * SEARCH.exact_state and not many):
             return False
-        return abs(end - reached) <= SEARCH.rounding * model.size(reached)
+        return abs(end - reached) <= close * model.size(reached)
 
     for _ in range(SEARCH.works):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
         found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor
-        if stands and end is not None and end - carried <= SEARCH.agrees * model.size(carried):
+        if (
+            stands
+            and end is not None
+            and end - carried <= max(close, SEARCH.agrees) * model.size(carried)
+        ):
             return end
         if end is None and (joined := _joined(model, found.motion)) is not None:
             return associative_end(joined)
@@ -176,25 +183,48 @@ def _least_opening(model: FaceModel, mode: Array) -> tuple[Array, Array]:
 
 
 def motion_under(model: FaceModel, load_factor: float) -> Array | None:
-    """Motion of faces at their strengths under lambda of the live load; None if they carry it.
+    """Motion under lambda of the live load that no forces inside the cones resist; or None.
 
-    The largest part of these loads that has an equilibrium is looked for.
+    All rounding is against it. The largest part of these loads with an equilibrium is looked for.
     """
+    return _carried(model, load_factor)[1]
+
+
+def proved_fall(model: FaceModel, load_factor: float) -> Array | None:
+    """Motion under lambda of the live load; None if an equilibrium proves that it is carried.
+
+    Raises:
+        SolverError: If neither is found.
+    """
+    carried, motion = _carried(model, load_factor)
+    if motion is None and not carried:
+        raise SolverError("face forces: whether the loads stand is not known")
+    return motion
+
+
+def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
+    """Whether an equilibrium under loads was found; else their motion, None if none was found."""
     loads = model.dead + load_factor * model.live
     whole = replace(model, dead=np.zeros_like(loads), live=loads, dilatancy=model.friction)
     if not np.any(loads):
-        return None
+        return True, None
 
     def enough(iterate: Iterate) -> bool:
         return iterate.load_factor >= 1.0 and iterate.missing < 1e-9
 
-    program = Program(whole, Equations(whole), model.strength, model.friction, model.friction)
-    found = solve(program, enough=enough)
+    # Twice the loads at most: where nothing limits them equilibrium would come late.
+    most = Row(np.zeros(model.shape[0]), -1.0, -2.0)
+    laws = model.strength, model.friction, model.friction
+    found = solve(Program(whole, Equations(whole), *laws, rows=(most,)), enough=enough)
     work = float(loads @ found.motion)
     if enough(found) or work <= 0.0:
-        return None
+        return enough(found), None
     motion = found.motion / work
-    return motion if whole.power(motion).bound(model.strength) < 1.0 else None
+    power = whole.power(motion)
+    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
+    doubt = power.closing.sum() * np.abs(loads).sum()
+    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    return False, motion if power.bound(model.strength) + doubt < 1.0 else None
 
 
 def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
@@ -274,7 +304,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
         return False
 
     laws = model.strength, model.friction, model.dilatancy
-    solve(Program(model, equations, *laws, work, elastic=True), enough=kept)
+    kept(solve(Program(model, equations, *laws, work, elastic=True), enough=kept))
     return min(near, key=lambda iterate: iterate.gap, default=None)
 
 

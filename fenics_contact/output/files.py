@@ -54,7 +54,7 @@ from fenics_contact.workers import InPlace
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
 #: What result.json says of `LimitBounds`.
-BRACKET = ("lower", "upper", "frictionless", "meet")
+BRACKET = ("lower", "upper", "frictionless", "meet", "reason")
 
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"

@@ -15,6 +15,8 @@ from typing import Any
 from fenics_contact.scene.units import rounded_alike
 from fenics_contact.solvers.problem import State
 
+#: Of what would take minutes for thousands of blocks, to say next to nothing.
+NOT_AT_THIS_SIZE = "not asked at this size"
 #: Relative difference up to which the ends of a bracket are one load factor.
 MEET = 1e-6
 #: The same for load factors of several points, which miss theirs by their tolerances.
@@ -42,11 +44,13 @@ class LimitBounds:
             it is not known.
         frictionless: Carried without friction, not below 0; None if the dead load needs friction
             to stand.
+        reason: Why `lower` is not known, in words; empty where nothing more is to be said.
     """
 
     lower: float | None
     upper: float | None
     frictionless: float | None = None
+    reason: str = ""
 
     @property
     def meet(self) -> bool:
@@ -56,12 +60,13 @@ class LimitBounds:
     def rounded(self, size: float) -> LimitBounds:
         """The bounds, 0 where they cannot be told from it."""
         values = self.lower, self.upper, self.frictionless
-        return LimitBounds(*(None if b is None else rounded(b, size) for b in values))
+        return LimitBounds(*(None if b is None else rounded(b, size) for b in values), self.reason)
 
     def told(self, number: Callable[[float], str]) -> str:
         """The bounds in words, with a form for numbers."""
         if self.lower is None:
-            return "with unknown bounds" if self.upper is None else f"at most {number(self.upper)}"
+            known = "with unknown bounds" if self.upper is None else f"at most {number(self.upper)}"
+            return f"{known}, the lower end is {self.reason}" if self.reason else known
         if self.upper is None:
             return f"at least {number(self.lower)}"
         return f"between {number(self.lower)} and {number(self.upper)}"
@@ -84,7 +89,8 @@ def signed(record: Any, sign: float) -> Any:
         return {name: signed(item, sign) for name, item in record.items()}
     if isinstance(record, LimitBounds):
         ends = record.upper, record.lower, record.frictionless
-        return LimitBounds(*(None if end is None else 0.0 - end for end in ends))
+        turned = (None if end is None else 0.0 - end for end in ends)
+        return LimitBounds(*turned, record.reason)
     if isinstance(record, State):
         return replace(record, load_factor=-record.load_factor, work=-record.work)
     if not is_dataclass(record) or isinstance(record, type):
@@ -139,10 +145,10 @@ DIGITS = (4, 8)
 
 def bracket_rows(bounds: LimitBounds, sign: float, factor: float) -> list[tuple[str, str]]:
     """What the rigid-block programs say of a load factor, for the report."""
-    ends = [bounds.lower, bounds.upper]
-    first, beyond = ends if sign > 0.0 else ends[::-1]
-    rows = [("no collapse state below", alike(first, factor))]
-    rows.append(("surely not carried beyond", alike(beyond, factor)))
+    ends = bounds.lower, bounds.upper
+    told = [alike(end, factor) if end is not None else bounds.reason or "not known" for end in ends]
+    first, beyond = told if sign > 0.0 else told[::-1]
+    rows = [("no collapse state below", first), ("surely not carried beyond", beyond)]
     sure = bounds.frictionless
     if sure is None:
         return rows

@@ -53,7 +53,7 @@ from fenics_contact.results.values import (
     soil_forces,
     tie_arrays,
 )
-from fenics_contact.results.wording import Line, Wording, wording_of
+from fenics_contact.results.wording import Line, Wording, meant, wording_of
 from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
@@ -264,6 +264,12 @@ class Collapse:
         residuals = {} if self.certificate is None else self.certificate.residuals
         gap = residuals.get("limit") if self.gap is None else self.gap
         return CollapseState(self.engine, self.status, self.load_factor, gap)
+
+    @property
+    def digits(self) -> int:
+        """Digits of the load factor that say something."""
+        others = [state.load_factor for state in self.states]
+        return meant(self.load_factor, self.as_state.gap or 0.0, others, self.size)
 
     @property
     def proof(self) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 
 #: Acceleration that is written as 1 g, m/s2.
 GRAVITY = 9.81
@@ -117,10 +118,10 @@ class Wording:
             return f"{'down ' * bool(self.tilt)}to the {side}"
         return "reversed" if negative else "as given" * self.both
 
-    def amount(self, factor: float, direction: str) -> str:
+    def amount(self, factor: float, direction: str, digits: int = 4) -> str:
         """How much of the live load, and which way, in a few words."""
         sign = -1.0 if direction == "negative" else 1.0
-        number = four(self.number(factor, sign))
+        number = leading(self.number(factor, sign), digits)
         if self.tilt:
             return f"a tilt of {number} degrees, {self.way(direction)}"
         if self.acceleration is not None:
@@ -129,7 +130,7 @@ class Wording:
             return f"{number} times the {self.noun} reversed"
         load = f" of {self.units.force(self.load, 4)}" if self.load else ""
         if load and self.forces:
-            carried = self.units.force(self.number(factor) * self.load, 4)
+            carried = self.units.force(self.number(factor) * self.load, digits)
             return f"{number} times the {self.noun}{load}: {carried}"
         return f"{number} times the {self.noun}{load}"
 
@@ -186,9 +187,27 @@ class Wording:
 
 def four(value: float) -> str:
     """A number with four digits, trailing zeros too."""
+    return leading(value, 4)
+
+
+def leading(value: float, digits: int) -> str:
+    """A number with its leading digits, trailing zeros too."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
-    return f"{value:.{max(3 - math.floor(math.log10(abs(value))), 0)}f}"
+    return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def meant(factor: float, gap: float, others: Iterable[float], size: float) -> int:
+    """Digits of a load factor that say something: four, or three beside its gap or other states.
+
+    Args:
+        factor: Of the state that is told.
+        gap: Of it, relative.
+        others: Load factors of all verified states that were found.
+        size: That load factors are relative to.
+    """
+    spread = max((abs(other - factor) for other in others), default=0.0)
+    return 4 if max(gap * size, spread) <= SEARCH.higher * size else 3
 
 
 def wording_of(layout: Layout, both: bool = False) -> Wording:

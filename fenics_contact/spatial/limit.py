@@ -47,11 +47,6 @@ from fenics_contact.workers import (
 
 _log = logging.getLogger("fenics_contact")
 
-#: Gap of elastic states beside which collapse states are looked for. Points of a face share its
-#: pressure in many ways: a twisted block carries 30 % more in a state beside one of 1e-2.
-NEAR = 1e-4
-#: Factorisations of a search at most.
-EFFORT = 350
 #: Signs of the live load.
 SIGNS = {"positive": 1.0, "negative": -1.0}
 UNLIMITED = "nothing limits the live load"
@@ -193,7 +188,7 @@ def collapse_of(
     if rest.status in ("unstable", "no_equilibrium"):
         return replace(rest, sign=sign)
     model = structure.face_model(sign)
-    search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
+    search = FaceSearch(model, asked, None, check_stop, SEARCH.shared_gap)
     crushes = bool(np.any(structure.crushes))
     wedged = cache(lambda: wedged_blocks(structure, model))
 
@@ -245,7 +240,7 @@ def _with_one_shot(
     found: SpatialCollapse, model: FaceModel, asked: float, check_stop: Callable[[], None]
 ) -> SpatialCollapse:
     """A limit by the loading path, with the state that one solve leads to beside it."""
-    search = FaceSearch(model, asked, EFFORT, check_stop, NEAR)
+    search = FaceSearch(model, asked, None, check_stop, SEARCH.shared_gap)
     state = search.run()
     spent = found.factorizations + search.equations.factorizations
     attempts = (*found.attempts, *search.attempts)
@@ -314,9 +309,9 @@ def _with_lowest(
     corners = replace(structure, quick=True).face_model(found.sign)
     starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
     if not structure.quick:
-        starts.append(FaceSearch(corners, options.gap, EFFORT, check_stop))
+        starts.append(FaceSearch(corners, options.gap, None, check_stop))
     for start in starts:
-        search = FaceSearch(model, SEARCH.side_accuracy, EFFORT, check_stop)
+        search = FaceSearch(model, SEARCH.side_accuracy, None, check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations
         if state is not None and (best is None or state.load_factor < best.load_factor):

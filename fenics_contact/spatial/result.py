@@ -16,7 +16,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
 from fenics_contact.results.result import NOT_KNOWN, ByDirection
 from fenics_contact.results.values import NAMED
-from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
+from fenics_contact.results.wording import DEAD, Line, Wording, meant, state_in_words
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
@@ -86,6 +86,12 @@ class SpatialCollapse:
         """What is known of all collapse states."""
         known = None if math.isinf(self.upper) and self.status != "unbounded" else self.upper
         return LimitBounds(None, known) if self.sign > 0.0 else LimitBounds(known, None)
+
+    @property
+    def digits(self) -> int:
+        """Digits of the load factor that say something."""
+        others = [state[0] for state in self.states]
+        return meant(self.load_factor, self.gap, others, self.size)
 
     @property
     def limit(self) -> float:
@@ -187,7 +193,9 @@ class SpatialLimit(ByDirection[SpatialCollapse]):
         limits = self.limits
         for name, collapse in limits.items():
             head = f"{collapse.searched}:" if collapse.searched else "it collapses at"
-            amounts.setdefault(head, []).append(words.amount(collapse.load_factor, name))
+            amounts.setdefault(head, []).append(
+                words.amount(collapse.load_factor, name, collapse.digits)
+            )
             told += [(name, line) for line in _lines(collapse, words, self.structure)]
         found = [f"{head} {', '.join(parts)} (verified)" for head, parts in amounts.items()]
         others = {n: c for n, c in self.ends.items() if n not in limits}

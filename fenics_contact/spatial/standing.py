@@ -123,27 +123,13 @@ def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) ->
     held = np.where(np.append(structure.number, -1) < 0, count, np.arange(count + 1))[ends]
     parts = connected(held, count + 1)
     loose = (parts[:count] != parts[count]) & (structure.number >= 0)
-    motion = None if np.any(loose) else _proof(model, load_factor)
+    motion = None if np.any(loose) else motion_under(model, load_factor)
     if motion is None and not np.any(loose):
         return ()
     widest = widest_motion(model, load_factor)
     motion = motion if widest is None else widest
     named = () if motion is None else _numbers(structure, motion)
     return tuple(sorted({*named, *np.flatnonzero(loose).tolist()}))
-
-
-def _proof(model: FaceModel, load_factor: float) -> Array | None:
-    """A motion that no forces inside the cones resist, with rounding against it; or None."""
-    motion = motion_under(model, load_factor)
-    if motion is None:
-        return None
-    loads = model.dead + load_factor * model.live
-    power = replace(model, dilatancy=model.friction, dead=np.zeros_like(loads)).power(motion)
-    # What forces as large as the loads, or within rounding of equilibrium, may do in it.
-    doubt = power.closing.sum() * np.abs(loads).sum()
-    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
-    held = power.bound(model.strength) + doubt >= float(loads @ motion)
-    return None if held else motion
 
 
 def wedged_blocks(

@@ -10,9 +10,13 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, LimitLoad, Load, Material, Scene, SolveOptions, limit_load
 from fenics_contact.console import summary
+from fenics_contact.faces.limit import FaceSearch
+from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, PUSH, WEIGHT, coulomb, wall_recipe
+from tests.helpers import planar_faces
+from tests.second_solver import misses
 
 #: Rubble of five stones, corners in m. It has two collapse states, on every mesh tried.
 A, B, C = (0.323988, 1.506131), (0.425815, 1.574813), (0.400683, 0.972991)
@@ -137,3 +141,15 @@ def test_ranks_agree_on_states(options):
     factors = [state.load_factor for state in together.states]
     assert sorted(factors) == pytest.approx([LOW, HIGH], rel=NEAR)
     assert all(found == factors for found in MPI.COMM_WORLD.allgather(factors))
+
+
+@pytest.mark.parametrize("name", ["2x3", "4x4"])
+def test_with_much_friction_states_of_less_are_found(name):
+    """They are inside its cones; next to elastic states with so much of it blocks only turn."""
+    factors = []
+    for friction in (1.0, 100.0):
+        model = planar_faces(wall_recipe(name, coulomb(friction)).scene(1)).model
+        found = lowest_from(FaceSearch(model, 1e-4), STARTS["little friction"])
+        assert found.gap <= 1.5e-4 and max(misses(model, found).values()) <= 1e-8
+        factors.append(found.load_factor)
+    assert factors[1] <= factors[0] * (1.0 + 3e-4)

@@ -32,7 +32,7 @@ it collapses at 0.1505 g to the right (verified)
 no other collapse state exists
 """,
     "tower": """\
-it collapses at 0.2919 g to the right (verified)
+it collapses at 0.292 g to the right (verified)
 lowest collapse state found, with any self-stress: 0.2898; nothing carries more than 0.299
 mesh and stiffness: 0.2898 to 0.299 while this mechanism stays
 """,

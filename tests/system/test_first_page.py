@@ -62,7 +62,7 @@ TOLD = {
     ],
     "tower": [
         ASIDE,
-        "It collapses at 0.2919 g to the right (verified).",
+        "It collapses at 0.292 g to the right (verified).",
         "The main part (33 blocks) rocks to the right about its lower right corner.",
         "Lowest collapse state found, with any self-stress: 0.2898; nothing carries more "
         "than 0.299.",

@@ -204,7 +204,7 @@ def test_bracket_that_excludes_the_load_factor_or_is_not_known(upper, result, tm
     changed.write(tmp_path)
     record = json.loads((tmp_path / "result.json").read_text())
     assert record["status"] == changed.status == "limit"
-    unknown = {"lower": None, "frictionless": None, "meet": False}
+    unknown = {"lower": None, "frictionless": None, "meet": False, "reason": ""}
     assert record["bounds"] == unknown | {"upper": upper}
     assert record["failures"] == ([] if upper is None else ["bracket"])
     assert record["load_factor"] == result.load_factor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fenics_contact.results.wording import Line, Wording
+from fenics_contact.results.wording import Line, Wording, meant
 from fenics_contact.scene.units import Units
 
 DOWN = {"body": (0.0, -9.81), "traction": {}}
@@ -88,3 +88,17 @@ def test_lines_of_both_directions_are_one():
     lists = [(way, Line("ties:", text)) for way, text in zip(ways, ("a, b", "c"), strict=True)]
     assert words.merged(lists, ways) == ["ties: to the right a, b; to the left c"]
     assert words.merged(apart[1:], ways[1:]) == ["mesh: 2 here"]
+
+
+@pytest.mark.parametrize(
+    ("gap", "others", "told"),
+    [
+        (1e-4, [0.35582], "0.3558 g to the right"),
+        (5e-3, [], "0.356 g to the right"),
+        (1e-4, [0.35582, 0.38], "0.356 g to the right"),
+        (1e-4, [0.35582, 0.3559], "0.3558 g to the right"),
+    ],
+)
+def test_digits_end_at_the_gap_and_at_other_states(gap, others, told):
+    digits = meant(0.35582, gap, others, 0.35582)
+    assert wording({"body": (9.81, 0.0)}).amount(0.35582, "positive", digits) == told

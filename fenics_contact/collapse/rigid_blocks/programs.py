@@ -45,8 +45,8 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import associative_end, motion_under, state_under
-from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.faces.programs import associative_end, motion_under, proved_fall, state_under
+from fenics_contact.results.bounds import NOT_AT_THIS_SIZE, LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
@@ -64,6 +64,9 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
     Raises:
         SolverError: If HiGHS finds no answer.
     """
+    if model.units.has_many_blocks:
+        motion = proved_fall(model.units, load_factor)
+        return None if motion is None else model.planar.motions(motion)
     # On large walls the face engine is twenty times as fast as HiGHS; its forces are the proof.
     found = state_under(model.units, load_factor) if model.is_large else None
     if found is not None and found.missing <= SEARCH.rounding:
@@ -247,9 +250,10 @@ class RigidBlocks:
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
         model = self.model
-        if self.has_strength:
-            unlimited = wedging_forces(model) is not None
-            return np.inf if unlimited else associative_end(model.units)
+        if self.has_strength or model.units.has_many_blocks:
+            end = associative_end(model.units)
+            unlimited = end is None and wedging_forces(model) is not None
+            return np.inf if unlimited else end
         # On large walls the face engine is twenty times as fast as HiGHS; its mode proves an upper
         # end. Without friction the value is a lower end, too: it is 0 where nothing more is carried
         # than what stands.
@@ -276,11 +280,14 @@ class RigidBlocks:
 
     @cached_property
     def _classical_bounds(self) -> LimitBounds:
-        bare = self.frictionless._fall is None
+        bare = False
+        with suppress(SolverError):  # not known of many blocks
+            bare = self.frictionless._fall is None
         stands = bare or self._fall is None
-        lower = self.frictionless._upper if bare else None
+        reason = NOT_AT_THIS_SIZE * self.model.units.has_many_blocks
+        lower = self.frictionless._upper if bare and not reason else None
         lower = None if lower is None else max(lower, 0.0)
-        return LimitBounds(lower, self._upper if stands else np.inf, lower)
+        return LimitBounds(lower, self._upper if stands else np.inf, lower, reason)
 
     @cached_property
     def _bounds(self) -> LimitBounds:
@@ -288,7 +295,7 @@ class RigidBlocks:
             return result_of(self._bracket, self.check_stop)
         bounds = self._classical_bounds
         stands = bounds.lower is not None or self._fall is None
-        if bounds.upper is None or bounds.meet or not stands or self.has_strength:
+        if bounds.upper is None or bounds.meet or not stands or self.has_strength or bounds.reason:
             return bounds  # the lower end's programs are linear
         lower = lower_end(self.model, bounds.upper, self.check_stop)
         if bounds.lower is not None:
