@@ -164,7 +164,9 @@ class SearchOptions:
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
     #: Factorisations of one way at most.
-    follow_effort: int = 400
+    follow_effort: int = 600
+    #: The same from `large_wall` blocks on.
+    follow_large_effort: int = 250
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
     #: Products that are as good as nothing, in units of the typical force and displacement.

@@ -522,11 +522,9 @@ class Way:
     close: float = 0.1
 
 
-#: Ways, the usual one first. Short steps, larger products and another start lead to an end where it
-#: does not, but a path with larger products, or another start, takes another branch now and then.
-WAYS = (Way(1e-3), Way(1e-3, least=0.03, close=0.03), Way(1e-2), Way(1e-3, 1.0))
-#: Those of walls of `SEARCH.large_wall` blocks and more: others are dear.
-LARGE_WAYS = (WAYS[0], WAYS[2])
+#: Ways, the usual one first. Larger products, short steps and another start lead to an end where it
+#: does not, but a path with them takes another branch now and then.
+WAYS = (Way(1e-3), Way(1e-2), Way(1e-2, least=0.03, close=0.03), Way(1e-3, 1.0))
 
 
 @dataclass(frozen=True)
@@ -567,7 +565,10 @@ def followed(
         SolverError: If no way leads to an end.
     """
     reasons = []
-    for way in LARGE_WAYS if model.blocks >= SEARCH.large_wall else WAYS:
+    ways = WAYS
+    if model.blocks >= SEARCH.large_wall:  # a step is dear, and one solve mostly comes as near
+        effort, ways = min(effort, SEARCH.follow_large_effort), WAYS[:2]
+    for way in ways:
         path = LoadingPath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
