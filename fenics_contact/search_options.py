@@ -167,6 +167,8 @@ class SearchOptions:
     follow_effort: int = 600
     #: The same from `large_wall` blocks on.
     follow_large_effort: int = 250
+    #: Halvings beside the highest state of a path.
+    summit_steps: int = 4
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
     #: Products that are as good as nothing, in units of the typical force and displacement.

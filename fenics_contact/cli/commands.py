@@ -124,7 +124,7 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
             if monitor is not None:
                 stack.callback(progress.close)
             result = find(scene, monitor, stop=signals, beside=beside)
-            if scene.output.capacity and not result.stopped:
+            if scene.output.capacity and not (in_space or result.stopped):
                 result = result.with_capacity(monitor, stop=signals)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds})

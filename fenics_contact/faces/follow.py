@@ -19,6 +19,7 @@ work at which the elastic state is near a collapse. There the products fall to n
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -484,19 +485,36 @@ class LoadingPath:
         except SolverError:
             return at
 
-    def without_products(self, at: Place) -> Iterate:
-        """The state at the work of a place, products as small as they become.
+    def at_load(self, at: Place) -> Iterate:
+        """The state at the load factor of a place, products as small as they become.
+
+        Raises:
+            SolverError: If Newton's method does not find it.
+        """
+        return self.iterate(
+            self.settled(self._corrected(at, None, 25), SEARCH.follow_products, None)
+        )
+
+    def without_products(self, at: Place, work: float | None = None) -> Iterate:
+        """The state at a work, that of the place, products as small as they become.
 
         The interior point method comes there in a few steps, or not at all; then products fall
         step by step.
+
+        Raises:
+            SolverError: If Newton's method does not find it.
         """
+        if work is None:
+            work = self.work(at)
+        else:
+            at = self._corrected(at, work, 25)
         laws = self.law.strength, self._model.friction, self._model.dilatancy
-        program = Program(self._model, self.equations, *laws, self.work(at), elastic=True)
+        program = Program(self._model, self.equations, *laws, work, elastic=True)
         found = solve(program, self.iterate(at), Tolerances(SEARCH.follow_products))
         if found.gap <= SEARCH.follow_products:
             return found
         products = self._products
-        end = self.iterate(self.settled(at, SEARCH.follow_products, self.work(at)))
+        end = self.iterate(self.settled(at, SEARCH.follow_products, work))
         self._set_products(products)
         return end
 
@@ -545,6 +563,73 @@ class Followed:
     def work(self) -> float:
         """W at the end."""
         return self.path.work(self.places[-1])
+
+    def state(self, work: float) -> Iterate:
+        """The state of the path at a work, where it first comes there.
+
+        Raises:
+            SolverError: If Newton's method does not find it.
+        """
+        works = [self.path.work(place) for place in self.places]
+        k = next(k for k in range(len(works)) if works[k] >= work or k == len(works) - 1)
+        low, high = self.places[max(k - 1, 0)], self.places[k]
+        part = (work - works[max(k - 1, 0)]) / ((works[k] - works[max(k - 1, 0)]) or 1.0)
+        return self.path.without_products(between(low, high, part), work)
+
+    def top(self, higher: float) -> Iterate | None:
+        """The highest state of the path, if it is higher than the end by a relative part.
+
+        Between places beside the highest one the summit is looked for by its load factor.
+        """
+        factors = [place.load_factor for place in self.places]
+        top = int(np.argmax(factors))
+        least = self.iterate.load_factor + higher * abs(self.iterate.load_factor)
+        if factors[top] <= least or top == len(factors) - 1:
+            return None
+        sides = self.places[max(top - 1, 0)], self.places[top], self.places[top + 1]
+        low, middle, high = (self.path.work(place) for place in sides)
+        best: Iterate | None = None
+        known: dict[float, float] = {}
+        works = [middle]
+        if low < middle < high:
+            works += [0.5 * (low + middle), 0.5 * (middle + high)]
+        for _ in range(SEARCH.summit_steps):
+            for work in works:
+                with suppress(SolverError):
+                    found = self.state(work)
+                    known[work] = found.load_factor
+                    best = max(filter(None, (best, found)), key=lambda one: one.load_factor)
+            if best is None or len(known) < 3:
+                break
+            order = sorted(known)
+            k = min(max(order.index(max(known, key=known.__getitem__)), 1), len(order) - 2)
+            works = [0.5 * (order[k - 1] + order[k]), 0.5 * (order[k] + order[k + 1])]
+        return best if best is not None and best.load_factor > least else None
+
+
+def between(low: Place, high: Place, part: float) -> Place:
+    """The place at a part of the way from one to another."""
+    change = Place(
+        high.units - low.units, high.motion - low.motion, high.load_factor - low.load_factor
+    )
+    return low.plus(change, part)
+
+
+def state_at(
+    model: FaceModel, load_factor: float, check_stop: Callable[[], None] = lambda: None
+) -> Iterate | None:
+    """The state of the loading path where it first comes to a load factor; None if it does not."""
+    for way in WAYS[:2]:
+        path = LoadingPath(model, Equations(model), way, SEARCH.follow_large_effort, check_stop)
+        with np.errstate(all="ignore"), suppress(SolverError):
+            before = path.start()
+            for place in path.points(before, SEARCH.follow_works):
+                if place.load_factor >= load_factor:
+                    rise = place.load_factor - before.load_factor
+                    part = (load_factor - before.load_factor) / rise
+                    return path.at_load(between(before, place, part))
+                before = place
+    return None
 
 
 def followed(

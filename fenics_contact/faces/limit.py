@@ -22,7 +22,7 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.follow import followed
+from fenics_contact.faces.follow import Followed, followed
 from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
@@ -55,6 +55,7 @@ class FaceSearch:
 
     Attributes:
         best: The state of least gap so far; a negative load factor only if no other is near.
+        path: The loading path, if it was followed to its end.
         attempts: In order.
     """
 
@@ -74,6 +75,7 @@ class FaceSearch:
         self.model = model
         self.equations = Equations(model)
         self.best: FaceState | None = None
+        self.path: Followed | None = None
         self.attempts: list[FaceAttempt] = []
         self._name = ""
         self._asked = asked
@@ -117,7 +119,9 @@ class FaceSearch:
         """
         spent = self.equations.factorizations
         try:
-            path = followed(self.model, self.equations, SEARCH.follow_effort, self._check_stop)
+            path = self.path = followed(
+                self.model, self.equations, SEARCH.follow_effort, self._check_stop
+            )
         except SolverError as error:
             _log.debug("  loading path: %s", error)
             self._take(LOADING_PATH, np.nan, None)

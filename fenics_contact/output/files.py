@@ -36,6 +36,7 @@ from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import tolerances
+from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.parts import moving_parts, parts_in_words
 from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
 from fenics_contact.results.values import (
@@ -166,7 +167,7 @@ def _write_fields(
                 (folder / MOTION).write_text(json.dumps(motions, separators=(",", ":")) + "\n")
     with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
-            _write_capacity(result, folder)
+            write_capacity(result, result.capacity, result.collapse, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", layout, result.capacity)
     return lost
@@ -244,20 +245,19 @@ def _drawing(
         _log.warning("warning: %s", text)
 
 
-def _write_capacity(result: Result, folder: Path) -> None:
-    """The capacity curve as a table and as a picture, on this rank."""
+def write_capacity(result: Any, points: Sequence[CapacityPoint], end: Any, folder: Path) -> None:
+    """The capacity curve to a collapse as a table and as a picture, on this rank."""
     with (folder / "capacity.csv").open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(["displacement_m", "load_factor", "work", "converged"])
-        for p in result.capacity:
+        for p in points:
             factor = p.load_factor if p.converged else ""
             table.writerow([p.displacement, factor, p.work, int(p.converged)])
-    end = result.collapse
     if result.scene.output.pictures and end is not None:
         title = plain(result.scene.title, LONGEST_TITLE)
         paths = picture_paths(folder / "capacity", result.scene.output.formats)
         with drawing("capacity"):
-            save_capacity(result.capacity, end, title, paths)
+            save_capacity(points, end, title, paths)
 
 
 def _title(end: Collapse, reversal: str) -> str:

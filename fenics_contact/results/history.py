@@ -113,7 +113,7 @@ class CurveEnd:
         """The end of a curve to a load factor, on its plateau up to a relative distance."""
         found = [point.load_factor for point in curve if point.converged]
         last = found[-1] if found else math.nan
-        on_plateau = abs(last - limit) <= apart * abs(limit)
+        on_plateau = bool(abs(last - limit) <= apart * abs(limit))
         return cls(len(found), len(curve) - len(found), last, on_plateau)
 
     def __str__(self) -> str:

@@ -12,11 +12,12 @@ import logging
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
+from fenics_contact.answers import peak as peak_answer
 from fenics_contact.answers.lowest import FOUND
 from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
@@ -27,7 +28,9 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.bounds import rounded
+from fenics_contact.results.history import Peak
 from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.along_path import curve_of, peak_of
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
 from fenics_contact.spatial.record import LimitLoad
@@ -131,7 +134,8 @@ def _solved(
     options = scene.solve
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
-    found = collapse_of(structure, sign, options.gap, check_stop)
+    along = AlongPath(not options.fast and options.peak is not False, scene.output.capacity)
+    found = collapse_of(structure, sign, options.gap, check_stop, along)
     if found.status not in ("limit", "not_converged"):
         return found
     model = structure.face_model(sign)
@@ -175,6 +179,7 @@ def collapse_of(
     sign: float = 1.0,
     asked: float = SEARCH.gap,
     check_stop: Callable[[], None] = lambda: None,
+    along: AlongPath | None = None,
 ) -> SpatialCollapse:
     """The collapse under the live load, or under the reverse of it (sign -1).
 
@@ -183,6 +188,7 @@ def collapse_of(
         sign: Of the live load.
         asked: Largest gap, relative.
         check_stop: May raise `Stopped` between solves: what is known by then is the result.
+        along: What else is asked of the loading path.
     """
     rest = state_of(structure)
     if rest.status in ("unstable", "no_equilibrium"):
@@ -211,6 +217,8 @@ def collapse_of(
             state = crushed_state(structure, model, whole, asked, check_stop) or whole
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
+        if along is not None and found.status == "limit":
+            found = _with_path(structure, search, found, along, crushes)
         if found.status != "limit":
             wedges = wedged() or wedged_blocks(structure, model, stressed=True)
     except (Stopped, SolverError) as end:
@@ -234,6 +242,33 @@ def collapse_of(
         factorizations=search.equations.factorizations,
         stopped=stopped,
     )
+
+
+@dataclass(frozen=True)
+class AlongPath:
+    """What is asked of the loading path: its peak, and so many points of the capacity curve."""
+
+    peak: bool = False
+    points: int = 0
+
+
+def _with_path(
+    structure: Structure,
+    search: FaceSearch,
+    found: SpatialCollapse,
+    along: AlongPath,
+    crushes: bool,
+) -> SpatialCollapse:
+    """A limit with what is asked of the path that led to it."""
+    path = search.path if search.way == "follow" and not crushes else None
+    if path is None:
+        why = peak_answer.NO_PATH
+        if along.points:
+            _log.warning("warning: output.capacity: %s", why)
+        return replace(found, peak=Peak("not_known", reason=why) if along.peak else None)
+    if along.peak:
+        found = replace(found, peak=peak_of(structure, path, found.sign))
+    return replace(found, curve=curve_of(structure, path, found.sign, along.points))
 
 
 def _with_one_shot(

@@ -17,10 +17,11 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.errors import checked
-from fenics_contact.output.files import BRACKET, strict, tie_records
+from fenics_contact.output.files import BRACKET, strict, tie_records, write_capacity
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
+from fenics_contact.results.history import CurveEnd
 from fenics_contact.results.result import Table
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.certificate import tolerances
@@ -61,6 +62,9 @@ class LimitLoad(SpatialLimit):
             if output.pictures and not hurry():
                 draw_collapse(self, hidden, output.formats)
                 write_viewer(self, hidden)
+            first = next(iter(self.ends.values()))
+            if first.curve:
+                write_capacity(self, first.curve, first, hidden)
             seconds = {**self.seconds, "write": time.perf_counter() - start}
             record = strict(result_record(replace(self, seconds=seconds)))
             record["files"] = sorted(path.name for path in hidden.iterdir())
@@ -123,6 +127,8 @@ def _tables(collapse: SpatialCollapse, units: Units) -> list[dict[str, Any]]:
     }
     rows = [(name, f"{n:{form}}") for name, (n, form) in known.items() if n and math.isfinite(n)]
     tables = [Table(rows)]
+    for answer in collapse.told:
+        rows += answer.table(cast(Any, collapse), units).rows
     if collapse.seismic is not None:
         tables.append(SeismicAnswer(collapse.seismic).table(cast(Any, collapse), units))
     return [vars(one) for one in tables]
@@ -143,6 +149,10 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
         "proof": collapse_proof(collapse) if limit else None,
         "bounds": {name: getattr(collapse.bounds, name) for name in BRACKET},
         "tolerances": tolerances(collapse.residuals, asked),
+        "peak": collapse.peak and {k: v for k, v in vars(collapse.peak).items() if k != "state"},
+        "capacity": vars(CurveEnd.of(collapse.curve, collapse.load_factor))
+        if collapse.curve
+        else None,
         "seismic": collapse.seismic and asdict(collapse.seismic),
         "falling_blocks": falling if collapse.status == "unstable" else [],
         "wedged_blocks": falling if collapse.status != "unstable" else [],

@@ -10,10 +10,12 @@ from typing import Any, cast
 import numpy as np
 
 from fenics_contact.answers.lowest import FOUND
+from fenics_contact.answers.peak import PeakAnswer
 from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import LimitBounds, counted, proof
+from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.results.result import NOT_KNOWN, ByDirection
 from fenics_contact.results.values import NAMED
 from fenics_contact.results.wording import DEAD, Line, Wording, meant, state_in_words
@@ -53,6 +55,8 @@ class SpatialCollapse:
         way: How the state was reached: "follow", the loading path; "half" of Coulomb's law; "one
             shot"; "convex" programs; empty without a limit.
         states: Collapse states that were found, the first one first: load factor, gap, way.
+        peak: The most that the loading path carries; None where that was not asked for.
+        curve: States of the loading path at rising works.
         seismic: Spectral acceleration at which it starts; None where that was not asked for.
         attempts: What was tried.
         factorizations: Of face systems.
@@ -76,10 +80,17 @@ class SpatialCollapse:
     searched: str = ""
     way: str = ""
     states: tuple[tuple[float, float, str], ...] = ()
+    peak: Peak | None = None
+    curve: tuple[CapacityPoint, ...] = ()
     seismic: SeismicCheck | None = None
     attempts: tuple[FaceAttempt, ...] = ()
     factorizations: int = 0
     stopped: str = ""
+
+    @property
+    def told(self) -> list[PeakAnswer]:
+        """Answers that pictures mark."""
+        return [] if self.peak is None else [PeakAnswer(self.peak)]
 
     @property
     def bounds(self) -> LimitBounds:
@@ -261,6 +272,8 @@ def _lines(collapse: SpatialCollapse, words: Wording, structure: Structure) -> l
     if beyond > SEARCH.verified:
         text = f"a contact exceeds its strength by {beyond:.0e} of the largest load on a block"
         lines.append(Line("crushing:", text))
+    for answer in collapse.told:
+        lines += answer.lines(cast(Any, collapse), words)
     if collapse.seismic is not None:
         lines += SeismicAnswer(collapse.seismic).lines(cast(Any, collapse), words)
     return [line for line in lines if not line.verbose]

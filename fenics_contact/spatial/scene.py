@@ -125,6 +125,7 @@ class SolveOptions(Checked):
         gap: Largest gap of a load factor, relative.
         states: Report the "first" collapse state found, or the "lowest".
         lowest: Look for a lower collapse state than the first.
+        peak: Tell the most that the loading path carries; None: yes, but with `fast`.
         time: After so many seconds what is known is the result; None: any time.
         fast: The load factor alone.
     """
@@ -134,6 +135,7 @@ class SolveOptions(Checked):
     gap: float = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), 1e-3)
     states: str = one_of("first", "lowest")
     lowest: bool | None = None
+    peak: bool | None = None
     time: float | None = ruled(rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
     fast: bool = False
 
@@ -198,7 +200,6 @@ class Scene(Checked, _Shared):
             ("loads.live.movement", live.movement, "the ground moves with loads.dead; see there"),
             ("loads.dead.profile", dead.profile != "uniform", "it is of the live load; leave it"),
             ("loads.live.profile", bare, "it acts on loads.live.body, which is zero; give it"),
-            ("output.capacity", self.output.capacity, "there is no curve in space; leave it out"),
         ]
         for key, law in self.laws().items():
             places = any(not isinstance(end, str) for end in law.between or ())

@@ -7,6 +7,7 @@ as in the plane (`collapse.service_state`).
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -14,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from fenics_contact.errors import SolverError
+from fenics_contact.faces.follow import state_at
 from fenics_contact.faces.kernel import Iterate
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
@@ -45,7 +47,7 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
         return _fallen(structure, nothing, fall, "")
     state = _from_rest(model, 0.0)  # what only the live load holds falls before
     if state is not None and load_factor:
-        state = _from_rest(model, load_factor)
+        state = _along_path(structure, load_factor) or _from_rest(model, load_factor)
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
     nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
@@ -57,6 +59,15 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
                 return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
             return _held_against(structure, nothing, force)
     return found
+
+
+def _along_path(structure: Structure, load_factor: float) -> Iterate | None:
+    """The state of the loading path where it first comes to a load factor; None if it does not."""
+    sign = math.copysign(1.0, load_factor)
+    model = structure.face_model(sign)
+    if model.has_many_blocks or not np.any(model.live):
+        return None
+    return state_at(model, abs(load_factor))
 
 
 def _from_rest(model: FaceModel, load_factor: float) -> Iterate | None:

@@ -110,7 +110,6 @@ CASES = [
     ("solve.gap=0", "solve.gap", "0.1"),
     ("seismic={demand=-1}", "seismic.demand"),
     ("tolerance=0", "tolerance = 0", "positive"),
-    ("output.capacity=5", "output.capacity", "space"),
     ("output.units=inch", "output.units", "SI"),
     ("seismic.confidence_factor=0.5", "seismic.confidence_factor", "1 ... 10"),
 ]

@@ -1,0 +1,104 @@
+"""What a structure in space carries along its loading path: the peak, and the capacity curve.
+
+States of the path are elastic: rigid blocks on the springs of their contacts, whose stiffness is
+that of Young's modulus over the size of a block. Each is held against blocks, contacts and laws.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+
+import numpy as np
+
+from fenics_contact.errors import SolverError
+from fenics_contact.faces.follow import Followed
+from fenics_contact.faces.kernel import Iterate
+from fenics_contact.results.history import CapacityPoint, Peak
+from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.certificate import missed, residuals_of
+from fenics_contact.spatial.result import SpatialCollapse
+from fenics_contact.spatial.structure import Structure
+
+NOT_VERIFIED = "the highest state of the path does not pass its verification"
+
+
+def peak_of(structure: Structure, path: Followed, sign: float) -> Peak:
+    """The most that the path carries, if it is more than at its end."""
+    with np.errstate(all="ignore"):
+        top = path.top(SEARCH.higher)
+    if top is None:
+        return Peak("none")
+    if not _is_verified(structure, top, sign):
+        return Peak("not_known", reason=NOT_VERIFIED)
+    work, moved = _moved(structure, top)
+    return Peak("found", sign * top.load_factor, work=work, displacement_m=moved)
+
+
+def curve_of(
+    structure: Structure, path: Followed, sign: float, count: int
+) -> tuple[CapacityPoint, ...]:
+    """States at rising works until twice that from which the path is as high as its end.
+
+    Points are denser at first, where the path bends. Those that were not found, or are not
+    verified, have nan.
+    """
+    last = _plateau(path)
+    points = []
+    for part in (np.arange(1, count + 1) / count) ** 1.5:
+        state: Iterate | None = None
+        with np.errstate(all="ignore"), suppress(SolverError):
+            state = path.state(last * part)
+        if state is not None and _is_verified(structure, state, sign):
+            work, moved = _moved(structure, state)
+            points.append(CapacityPoint(sign * state.load_factor, moved, work))
+        else:
+            work = float(last * part) / structure.young
+            moved = work / _pushed(structure)
+            points.append(CapacityPoint(math.nan, moved, work, converged=False))
+    return tuple(points)
+
+
+def _plateau(path: Followed) -> float:
+    """Twice the work from which the path is nearly as high as at its end."""
+    end = path.iterate.load_factor
+
+    def is_away(load_factor: float) -> bool:
+        return abs(load_factor - end) > SEARCH.rough_gap * abs(end)
+
+    works = [path.path.work(place) for place in path.places]
+    away = [k for k, place in enumerate(path.places) if is_away(place.load_factor)]
+    flat = min(max(away, default=0) + 1, len(works) - 1)
+    low, high = max(works[: flat + 1][:-1], default=0.0), max(works[: flat + 1])
+    low = max(low, SEARCH.small_factor * high)
+    with np.errstate(all="ignore"):
+        while high > 2.0 * low:  # steps of the path are long there
+            middle = float(np.sqrt(low * high))
+            try:
+                far = is_away(path.state(middle).load_factor)
+            except SolverError:
+                break
+            low, high = (middle, high) if far else (low, middle)
+    return min(2.0 * high, works[-1])
+
+
+def _moved(structure: Structure, state: Iterate) -> tuple[float, float]:
+    """Work of the live load, N m, and the mean displacement along it, m."""
+    live = structure.generalised(structure.live)
+    work = abs(float(live @ state.motion)) / structure.young
+    return work, work / _pushed(structure)
+
+
+def _pushed(structure: Structure) -> float:
+    """Sum of the forces of the live load, N; of its moments over a size where there are none."""
+    forces = np.linalg.norm(structure.live[:, :3], axis=1).sum()
+    moments = np.linalg.norm(structure.live[:, 3:], axis=1).sum() / structure.size
+    return float(forces or moments)
+
+
+def _is_verified(structure: Structure, state: Iterate, sign: float) -> bool:
+    """Whether forces of a state are in equilibrium and within all laws."""
+    factor = sign * state.load_factor
+    force, tension = structure.point_forces(state.force), structure.tensions(state.force)
+    given = SpatialCollapse(load_factor=factor, given=factor, force=force, tension=tension)
+    return not missed(residuals_of(structure, given), SEARCH.gap)
