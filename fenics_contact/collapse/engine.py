@@ -13,6 +13,7 @@ import math
 from dataclasses import replace
 
 from fenics_contact.collapse.face_collapse import begun_search, face_collapse
+from fenics_contact.collapse.followed_path import FOLLOW
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.load_control import raise_load
 from fenics_contact.collapse.strategy import strategy_of
@@ -36,13 +37,17 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     effort = case.discretization.effort
     strategy = strategy_of(case.discretization.scene)
     limited = case.blocks.has_strength
-    if options.engine == "faces" or (limited and options.engine == "auto"):
+    many = case.block_count >= SEARCH.large_wall
+    follow = options.engine == "follow"
+    by_faces = options.engine == "faces" or (follow and many)
+    if by_faces or (limited and options.engine != "path"):
         return _unless_unlimited(case, face_collapse(case))
+    if follow:
+        return _followed(case)
     if options.control == "load":
         return raise_load(case)
     if options.engine == "path" or options.method != "auto":
         return find_collapse(case, strategy, options.tolerance)
-    many = case.block_count >= SEARCH.large_wall
     wanted = many and not options.fast and options.lowest is not False
     search = begun_search(case) if wanted else None
     in_place = isinstance(case.beside, InPlace)
@@ -71,9 +76,13 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
         return replace(end, states=alike_as_one((end.as_state, found.as_state), end.size))
     if not lost:
         return end
-    _log.info("  the path comes to no end; the forces of the faces are the answer")
     if end.status == "limit" and found is None:
         case.record.best = None
+    if not many and case.problem.coulomb:
+        followed = _followed(case)
+        if followed.status == "limit" and followed.load_factor >= least:
+            return followed
+    _log.info("  the path comes to no end; the forces of the faces are the answer")
     found = _unless_unlimited(case, found or face_collapse(case))
     if found.status != "not_converged" and found.load_factor >= least:
         return replace(found, history=end.history)
@@ -84,6 +93,12 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
             return raised
     reason = "; ".join(filter(None, [end.reason, found.reason]))
     return replace(end, status="not_converged", reason=reason)
+
+
+def _followed(case: LoadCase) -> Collapse:
+    """The collapse at the end of the path as the kernel of faces follows it."""
+    end = find_collapse(case, FOLLOW, case.discretization.scene.solve.tolerance)
+    return replace(end, way="follow")
 
 
 def _unless_unlimited(case: LoadCase, end: Collapse) -> Collapse:

@@ -88,21 +88,23 @@ class CrushingAnswer(Answer):
         return Table(rows, "Joints that crush", head, note)
 
 
-#: Of a search: its best state, what was tried, and why it was ended early, or "".
-Searched = tuple[FaceState | None, list[FaceAttempt], str]
+#: Of a search: its best state, how that was reached, what was tried, and why it was ended early.
+Searched = tuple[FaceState | None, str, list[FaceAttempt], str]
 
 
-def searched(model: FaceModel, asked: float, wait: Callable[[], None]) -> Searched:
-    """A task: the search for a certified state with the gap asked for."""
+def searched(model: FaceModel, asked: float, wait: Callable[[], None], follow: bool) -> Searched:
+    """A task: the search for a certified state with the gap asked for, by the path if told so."""
     search = FaceSearch(model, asked, check_stop=wait)
     stopped = ""
     try:
-        search.run()
+        if not (follow and search.follow()):
+            search.run()
     except Stopped as stop:
         stopped = str(stop)
     except SolverError as error:  # faces that do not hold the blocks
         _log.info("  %s", error)
-    return search.best, search.attempts, stopped
+    way = search.way if search.way in ("follow", "half") else ""
+    return search.best, way, search.attempts, stopped
 
 
 def _asked_gap(case: LoadCase) -> float:
@@ -115,7 +117,8 @@ def _asked_gap(case: LoadCase) -> float:
 def begun_search(case: LoadCase) -> Future[Searched]:
     """The search of the face engine, begun beside other work."""
     model = case.blocks.model.planar.model
-    return case.beside.submit(searched, model, _asked_gap(case), case.wait)
+    follow = case.discretization.scene.solve.engine == "follow"
+    return case.beside.submit(searched, model, _asked_gap(case), case.wait, follow)
 
 
 def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Collapse:
@@ -128,13 +131,13 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     effort = case.discretization.effort
     asked = _asked_gap(case)
     case.record.phase("face forces")
-    found: Searched = (None, [], "")
+    found: Searched = (None, "", [], "")
     if case.problem.comm.rank == 0:
         try:
             found = result_of(search or begun_search(case), effort.wait)
         except Stopped as stop:
-            found = (None, [], str(stop))
-    state, attempts, stopped = case.problem.comm.bcast(found)
+            found = (None, "", [], str(stop))
+    state, way, attempts, stopped = case.problem.comm.bcast(found)
     trials: list[Trial] = []
     for attempt in attempts:  # their factorisations are those of small systems
         near = bool(np.isfinite(attempt.gap))
@@ -144,7 +147,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     record[first:first] = trials
     with effort.unwatched():
         if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
-            end = collapse_of(case, faces, state, asked)
+            end = replace(collapse_of(case, faces, state, asked), way=way)
         else:
             best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
             reason = f"the search on face forces ended with {best}"

@@ -1,4 +1,4 @@
-"""The loading path of rigid blocks on the springs of their faces, followed by its length.
+"""The loading path of blocks with springs at faces or points, rigid or not, followed by its length.
 
 At fixed products mu of slacks and multipliers the elastic state with Coulomb's law is a smooth
 function of the load factor, or of the work beyond its folds:
@@ -267,9 +267,9 @@ class LoadingPath:
         self.equations = equations
         self._response = elastic_response(model, self.equations)
         pressed = self._response.dead_force[:, : model.pressing]
-        dead_work = float(np.sum(model.compliance * self._response.dead_force**2))
         typical = max(
-            np.sqrt(dead_work / self._response.work), SEARCH.small_factor * model.force / model.load
+            np.sqrt(self._response.dead_work / self._response.work),
+            SEARCH.small_factor * model.force / model.load,
         )
         self.unit = float(typical * self._response.work)
         self._displacement = self.unit / float(np.abs(model.live).sum())
@@ -364,6 +364,11 @@ class LoadingPath:
         motion = work * self.unit / self._response.work * self._response.live
         return self._corrected(Place(units, motion, 0.0), work * self.unit, 100, 0.1)
 
+    def beside(self, other: Iterate) -> Place:
+        """The place of the same work next to a state of other blocks with the same units."""
+        at = Place(self.law.at(other.force), other.motion, other.load_factor)
+        return self._corrected(at, self.work(at), 40)
+
     def points(
         self, at: Place, works: float, length: float = 0.3, before: Array | None = None
     ) -> Iterator[Place]:
@@ -415,8 +420,8 @@ class LoadingPath:
             yield at
             length = min(SEARCH.follow_longest, length * (2.0, 2.0, 1.3, 0.8, 0.8, 0.8)[rounds])
 
-    def followed(self) -> list[Place]:
-        """Places of the path from its start to its end; in shorter steps from where it is lost.
+    def followed(self, works: float) -> list[Place]:
+        """Places of the path from its start to some works; in shorter steps from where it is lost.
 
         Raises:
             SolverError: If it comes to no end.
@@ -429,7 +434,7 @@ class LoadingPath:
         for part, length in ((1.0, 0.3), (0.3, 0.1)):
             self._way = replace(way, least=part * way.least, close=part * way.close)
             try:
-                for place in self.points(places[-1], SEARCH.follow_works, length, before):
+                for place in self.points(places[-1], works, length, before):
                     places.append(place)
             except TooLong:
                 raise
@@ -637,6 +642,8 @@ def followed(
     equations: Equations,
     effort: int,
     check_stop: Callable[[], None] = lambda: None,
+    work: float | None = None,
+    settled: bool = True,
 ) -> Followed:
     """The loading path of a model to its end, in the first way that leads there.
 
@@ -645,6 +652,8 @@ def followed(
         equations: Of the model.
         effort: Factorisations of one way at most.
         check_stop: May raise `Stopped`.
+        work: W at its end; None: `SearchOptions.follow_works`.
+        settled: Whether products fall to nothing at the end.
 
     Raises:
         SolverError: If no way leads to an end.
@@ -657,8 +666,9 @@ def followed(
         path = LoadingPath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
-                places = path.followed()
-                return Followed(path, places, path.without_products(places[-1]))
+                places = path.followed(SEARCH.follow_works if work is None else work / path.unit)
+                end = path.without_products(places[-1]) if settled else path.iterate(places[-1])
+                return Followed(path, places, end)
         except SolverError as error:
             reasons.append(str(error))
     raise SolverError("; ".join(dict.fromkeys(reasons)))

@@ -16,9 +16,10 @@ Newton's step, with the springs M = C + G_s^T W^-2 G_u of each unit, is
 
     A dd = ... ,   A = H^T M^-1 H,
 
-bordered by lambda and the rows. Predictor and corrector by S. Mehrotra, SIAM J. Optim. 2 (1992)
-575, the weight of the corrector by M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277,
-further correctors by J. Gondzio, Comput. Optim. Appl. 6 (1996) 137.
+bordered by lambda and the rows; A + S, and S d in equilibrium, where motions strain the blocks.
+Predictor and corrector by S. Mehrotra, SIAM J. Optim. 2 (1992) 575, the weight of the corrector by
+M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277, further correctors by J. Gondzio,
+Comput. Optim. Appl. 6 (1996) 137.
 """
 
 from __future__ import annotations
@@ -324,6 +325,8 @@ class Newton:
             cone.degree(slack) for cone, slack in zip(method.cones, self.slacks, strict=True)
         )
         self.equilibrium = model.missing(point.force, point.load_factor)
+        if model.stiffness is not None:
+            self.equilibrium -= model.stiffness @ point.motion
         # H d + e + C x + w a - G_s^T (y, z) - (r . p) a
         stationary = model.relative(point.motion) + method.offset
         stationary += method.compliance * point.force
@@ -588,11 +591,13 @@ class Response:
         live: Motions by the live load of factor 1.
         work: f_L . d of these.
         dead_force: Face forces by the dead load, shape (units, m).
+        dead_work: f_D . d by that load.
     """
 
     live: Array
     work: float
     dead_force: Array
+    dead_work: float
 
 
 def elastic_response(model: FaceModel, equations: Equations) -> Response:
@@ -608,6 +613,10 @@ def elastic_response(model: FaceModel, equations: Equations) -> Response:
         solver = equations.factored(inverse, True)
         with np.errstate(all="ignore"):  # blocks that faces do not hold move without end
             live = solver(model.live)
-            force = -model.relative(solver(model.dead)) / model.compliance
-            equations.response = Response(live, float(model.live @ live), force)
+            dead = solver(model.dead)
+            force = -model.relative(dead) / model.compliance
+            work = float(np.sum(model.compliance * force**2))
+            if model.stiffness is not None:
+                work += float(dead @ (model.stiffness @ dead))
+            equations.response = Response(live, float(model.live @ live), force, work)
     return equations.response

@@ -11,6 +11,9 @@ In the plane a unit is a straight face: a pressing force at each end (k = 2) and
 (q = 1). A face of length L and strength f_c carries |M| <= N (L - N / f_c) / 2 about its middle
 (J. Heyman, The masonry arch (1982), section 2.4): n_i >= kappa N^2 with kappa = 1 / (2 L f_c).
 In any number of dimensions a unit may be a point of a face: k = 1, q = dimension - 1.
+
+Motions may strain the blocks: those of a mesh's nodes, or of a few shapes of every block. With
+their stiffness S equilibrium is H^T x + f_D + lambda f_L - S d = 0.
 """
 
 from __future__ import annotations
@@ -50,6 +53,7 @@ class FaceModel:
         weights: The part of f_D that is no force given to bonds and ties, shape (motions,): it says
             which load factors are small; None: all of f_D.
         block: Number of the block of every motion, shape (motions,); None: all are as of one.
+        stiffness: S, sparse, shape (motions, motions); None: all motions are rigid.
     """
 
     motion: Any
@@ -65,6 +69,7 @@ class FaceModel:
     components: int = 1
     weights: Array | None = None
     block: Indices | None = None
+    stiffness: Any = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""The matrices A = H^T M^-1 H of one model: a fixed pattern, ordered once, factored for each M.
+"""The matrices A = H^T M^-1 H + S of one model: a fixed pattern, ordered once, factored for each M.
 
 H has rows of a few motions for every unit, so that A is a sum of small dense matrices. M^-1, of
 the units' springs, is got without subtraction: M is a sum of weighted squares,
@@ -153,11 +153,11 @@ class Equations:
         place_of = place[np.searchsorted(key, unit * count + table.col[used])]
         self._local = np.zeros((units, size, width))
         self._local[unit, component, place_of] = table.data[used]
-        self._set_pattern(columns, count)
+        self._set_pattern(columns, count, model.stiffness)
 
-    def _set_pattern(self, columns: Array, count: int) -> None:
+    def _set_pattern(self, columns: Array, count: int, stiffness: Any) -> None:
         """Where the entries of the units' matrices are in A, in SuperLU's ordering."""
-        from scipy.sparse import csc_matrix, identity
+        from scipy.sparse import csc_matrix, csr_matrix, identity
         from scipy.sparse.linalg import splu
 
         shape = (*columns.shape, columns.shape[1])
@@ -165,8 +165,10 @@ class Equations:
         column = np.broadcast_to(columns[:, None, :], shape)
         used = (row >= 0) & (column >= 0)
         diagonal = np.arange(count)
-        rows = np.concatenate([row[used], diagonal])
-        cols = np.concatenate([column[used], diagonal])
+        more = csr_matrix((count, count)) if stiffness is None else stiffness
+        more = more.tocoo()
+        rows = np.concatenate([row[used], diagonal, more.row])
+        cols = np.concatenate([column[used], diagonal, more.col])
         ones = csc_matrix((np.ones(len(rows)), (rows, cols)), (count, count))
         ordered = splu(
             ones + (ones.nnz + 1.0) * identity(count, format="csc"),
@@ -177,9 +179,13 @@ class Equations:
         rows, cols = self._order[rows], self._order[cols]
         keys, place = np.unique(cols.astype(np.int64) * count + rows, return_inverse=True)
         self._place = np.full(shape, -1, dtype=np.int32)
-        self._place[used] = place[:-count]
-        self._diagonal = place[-count:][np.argsort(self._order)]
+        places, on_diagonal, of_more = np.split(place, np.cumsum([used.sum(), count]))
+        self._place[used] = places
+        self._diagonal = on_diagonal[np.argsort(self._order)]
         self._entries = len(keys)
+        self._given = None
+        if stiffness is not None:
+            self._given = np.bincount(of_more, more.data, len(keys))
         self._rows = (keys % count).astype(np.int32)
         self._cols = (keys // count).astype(np.int32)
         self._start = np.searchsorted(self._cols, np.arange(count + 1)).astype(np.int32)
@@ -209,7 +215,12 @@ class Equations:
         entries = self._matrix(inverse)
         if not np.all(np.isfinite(entries)):
             raise SolverError("face forces: springs are not finite")
-        scale = 1.0 / np.sqrt(np.maximum(entries[self._diagonal], 1e-300))
+        diagonal = entries[self._diagonal]
+        if self._given is not None:  # friction of oblique joints may make it negative
+            given = self._given[self._diagonal]
+            entries += self._given
+            diagonal = np.maximum(np.abs(diagonal + given), given)
+        scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
         scaled = entries * scale[self._rows] * scale[self._cols]
         shifted = scaled.copy()
         shifted[self._diagonal] += SHIFT

@@ -452,6 +452,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "status": end.status,
         "load_factor": end.load_factor,
         "engine": end.engine,
+        "way": end.way or None,
         "gap": end.as_state.gap,
         "proof": end.proof or None,
         "is_lowest": bool(end.searched),

@@ -173,6 +173,8 @@ class Collapse:
         rolling: Where a block has rolled on a curved side, for people; empty where none has.
         pressed: Where curved joints are pressed beyond their strength, for people, or empty.
         engine: What found it: the loading "path" of elastic blocks, or their "faces".
+        way: "follow" where the kernel of faces followed the path, "half" where that came to no end
+            and half of Coulomb's law to this; else "".
         gap: Proved distance of the load factor from what the friction forces of its own state
             allow, relative; None where the path's certificate has it: see `as_state`.
         asked: Largest gap that was asked for.
@@ -201,6 +203,7 @@ class Collapse:
     rolling: str = ""
     pressed: str = ""
     engine: str = "path"
+    way: str = ""
     gap: float | None = None
     asked: float = math.inf
     inside: str = "the friction cone"
@@ -263,7 +266,7 @@ class Collapse:
         """This end as one of several collapse states."""
         residuals = {} if self.certificate is None else self.certificate.residuals
         gap = residuals.get("limit") if self.gap is None else self.gap
-        return CollapseState(self.engine, self.status, self.load_factor, gap)
+        return CollapseState(self.way or self.engine, self.status, self.load_factor, gap)
 
     @property
     def digits(self) -> int:

@@ -483,8 +483,9 @@ class SolveOptions(Checked):
         relaxation: omega of the fixed point on the friction bound, 0 to 2; None: by the changes.
         time: After so many seconds by the clock what is known is the result; None: any time.
         engine: What finds the load factor that is reported: the loading "path" of elastic blocks,
-            the forces of their "faces" with a proved gap, or "auto": the path below 100 blocks and
-            where it soon comes to its end, else the faces.
+            the forces of their "faces" with a proved gap, "follow", the path by the kernel of
+            faces, or "auto": the path below 100 blocks and where it soon comes to its end, else the
+            faces.
         gap: Largest gap, relative, of a load factor by the faces; None: 1e-3, 5e-3 from 1 000
             blocks on.
         fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
@@ -506,7 +507,7 @@ class SolveOptions(Checked):
     accuracy: float | None = ruled(within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
     peak: bool | None = None
     time: float | None = ruled(rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
-    engine: str = one_of("auto", "path", "faces")
+    engine: str = one_of("auto", "path", "faces", "follow")
     gap: float | None = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
     distribute: bool | None = None
@@ -530,7 +531,8 @@ class SolveOptions(Checked):
             (self.slip == "load-steps" and not by_load,
              "slip = 'load-steps' needs control = 'load'"),
             (self.states == "lowest" and by_load, "states = 'lowest' needs control = 'work'"),
-            (self.engine == "faces" and by_load, "engine = 'faces' needs control = 'work'"),
+            (self.engine in ("faces", "follow") and by_load,
+             f"engine = {self.engine!r} needs control = 'work'"),
         ):  # fmt: skip
             require(not given, text)
 

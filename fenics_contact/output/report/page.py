@@ -343,6 +343,11 @@ def forces(content: Content) -> Iterator[str]:
         if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
         yield picture(address, PICTURES[stem] + more)
+    yield from capacity(content)
+
+
+def capacity(content: Content) -> Iterator[str]:
+    """The capacity curve, where it was asked for."""
     if address := content.pictures.get("capacity", ""):
         yield heading("Capacity curve")
         yield picture(address, PICTURES["capacity"])
@@ -514,6 +519,7 @@ IN_SPACE: Mapping[Section, str] = {
     load_factors: "break",
     warnings: "",
     notes: "",
+    capacity: "",
     sensitivity: "",
     contacts: "appendix",
     verification: "appendix",
