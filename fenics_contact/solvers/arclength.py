@@ -153,11 +153,10 @@ class Continuation:
             if step - best_step >= options.path_patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
             earlier = before if limit > options.path_least * usual else None
-            rounds = options.late_rounds if earlier is None else 0
-            point, new, reached = self._next(point, goal, limit, rounds)
+            point, new, reached = self._next(point, goal, limit)
             if not reached and earlier is not None:
                 limit *= options.path_shorter
-                _, point, _ = self._next(earlier, goal, limit, 0)
+                _, point, _ = self._next(earlier, goal, limit)
             else:
                 limit = min(limit / options.path_shorter, usual)
                 astray = 0 if reached else astray + 1
@@ -185,7 +184,7 @@ class Continuation:
         for _ in range(self.options.no_progress):
             if self.distance(point) <= close:
                 break
-            _, point, _ = self._next(point, None, allowed, self.options.late_rounds)
+            _, point, _ = self._next(point, None, allowed)
         return point
 
     def _progress(self, point: PathPoint) -> float:
@@ -206,20 +205,19 @@ class Continuation:
         return kkt.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
 
     def _next(
-        self, point: PathPoint, goal: float | None, limit: float, rounds: int
+        self, point: PathPoint, goal: float | None, limit: float
     ) -> tuple[PathPoint, PathPoint, bool]:
         """A point with d(lambda)/ds, the one a step on, and whether that step reached the path.
 
         It is not past the goal. Without a goal the step only goes to the path. No point that is not
-        chosen ends farther from its law than a limit. Points are chosen on the way in so many
-        rounds.
+        chosen ends farther from its law than a limit.
         """
         options = self.options
         path = self.path
         linear = self._linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
         rates = Rates(point.mu, path.log_mu_rate, options.small_factor)
-        numbers = replace(options, allowed_distance=limit, late_rounds=rounds)
+        numbers = replace(options, allowed_distance=limit)
         elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
         reach = None
         to_goal = 0.0
