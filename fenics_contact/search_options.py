@@ -98,6 +98,8 @@ class SearchOptions:
     # ---- one step of it: points that follow their exact laws (solvers/nonlinear_elimination)
     #: Points chosen at most, before a step; half as many at once where they end the way to it.
     points: int = 32
+    #: Times that points are chosen late in one step.
+    late_rounds: int = 8
     #: Largest distance of a point that is not chosen; half as far from its law, relative to p and
     #: q, one may be chosen.
     allowed_distance: float = 0.3

@@ -153,10 +153,11 @@ class Continuation:
             if step - best_step >= options.path_patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
             earlier = before if limit > options.path_least * usual else None
-            point, new, reached = self._next(point, goal, limit)
+            rounds = options.late_rounds if earlier is None else 0
+            point, new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:
                 limit *= options.path_shorter
-                _, point, _ = self._next(earlier, goal, limit)
+                _, point, _ = self._next(earlier, goal, limit, 0)
             else:
                 limit = min(limit / options.path_shorter, usual)
                 astray = 0 if reached else astray + 1
@@ -184,7 +185,7 @@ class Continuation:
         for _ in range(self.options.no_progress):
             if self.distance(point) <= close:
                 break
-            _, point, _ = self._next(point, None, allowed)
+            _, point, _ = self._next(point, None, allowed, self.options.late_rounds)
         return point
 
     def _progress(self, point: PathPoint) -> float:
@@ -205,19 +206,20 @@ class Continuation:
         return kkt.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
 
     def _next(
-        self, point: PathPoint, goal: float | None, limit: float
+        self, point: PathPoint, goal: float | None, limit: float, rounds: int
     ) -> tuple[PathPoint, PathPoint, bool]:
         """A point with d(lambda)/ds, the one a step on, and whether that step reached the path.
 
         It is not past the goal. Without a goal the step only goes to the path. No point that is not
-        chosen ends farther from its law than a limit.
+        chosen ends farther from its law than a limit. Points are chosen on the way in so many
+        rounds.
         """
         options = self.options
         path = self.path
         linear = self._linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
         rates = Rates(point.mu, path.log_mu_rate, options.small_factor)
-        numbers = replace(options, allowed_distance=limit)
+        numbers = replace(options, allowed_distance=limit, late_rounds=rounds)
         elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
         reach = None
         to_goal = 0.0

@@ -74,12 +74,16 @@ class _Curve:
     Attributes:
         x: p and q of the chosen points, and tau.
         line: (part, s) at tau = 0, and their change by tau.
+        forward: Row whose product with the direction of the curve is positive there.
         forces: Excess forces at the chosen points, normal and shear ones, shape (2 points,).
+        bends: Whether a point that is not chosen bends beyond.
     """
 
     x: Array
     line: tuple[float, float, float, float]
+    forward: Array
     forces: Array
+    bends: bool
 
     @property
     def place(self) -> tuple[float, float]:
@@ -243,10 +247,12 @@ class NonlinearElimination:
         return place[np.argsort(-distances[place], kind="stable")[:most]]
 
     def _choose(self, points: Integers) -> None:
-        """Choose points, and solve for the answers of all to forces at them."""
+        """Choose more points, and solve for the answers of all to forces at them."""
         if len(points):
-            self.answers = self._answers_to(points)
-        self._chosen = points
+            new = self._answers_to(points)
+            before = self.answers
+            self.answers = np.concatenate([before, new], axis=1) if len(self._chosen) else new
+        self._chosen = np.concatenate([self._chosen, points])
 
     def _answers_to(self, points: Integers) -> Array:
         """Answers of all to unit forces at some points, with the work of the live load held."""
@@ -272,12 +278,38 @@ class NonlinearElimination:
         return problem.whole(answers)
 
     def _to_path(self) -> _Curve:
-        """Where the curve of the chosen points on the line to the path ends."""
+        """Where the curve of the chosen points on the line to the path ends.
+
+        Points that end it by bending are chosen too, if that leads to the path. A shorter step
+        before is better where there was one: a way from afar may lead to another path.
+        """
         line = 0.0, 0.0, 1.0, self.back
         start = self._table[4:9, self._chosen]
         x = np.concatenate([start[1] - start[0], start[3] - start[2], [0.0]])
         forward = np.append(np.zeros(len(x) - 1), 1.0)
-        return self._trace(line, x, forward, (-1.0, 1.0))
+        few = end = self._trace(line, x, forward, (-1.0, 1.0))
+        kept = self._chosen, self.answers
+        for _ in range(self.options.late_rounds):
+            if not end.bends:
+                break
+            self._choose(self._worst(self._distances, self.options.points // 2))
+            x = self._with_more(end)
+            if not call("near", self._curve(line, (-1.0, 1.0)), x):
+                break
+            end = self._trace(line, x, _longer(end.forward, len(x)), (-1.0, 1.0))
+            if end.x[-1] >= 1.0:
+                return end
+        self._chosen, self.answers = kept
+        return few
+
+    def _with_more(self, last: _Curve) -> Array:
+        """Values at a place on a curve of fewer points; new points, at the end, are on tangents."""
+        forces = _longer(last.forces, 2 * len(self._chosen))
+        states = self._on_tangents(replace(last, forces=forces))[:, self._chosen]
+        before = len(last.x) // 2
+        p, q = np.split(last.x[:-1], 2)
+        more = states[:, before:]
+        return np.concatenate([p, more[1] - more[0], q, more[3] - more[2], last.x[-1:]])
 
     def _curve(
         self, line: tuple[float, float, float, float], reach: tuple[float, float]
@@ -319,8 +351,8 @@ class NonlinearElimination:
         x = x.copy()
         forward = forward.copy()
         forces = np.empty(len(x) - 1)
-        call("trace", self._curve(line, reach), x, forward, forces, self._distances)
-        return _Curve(x, line, forces)
+        bends = call("trace", self._curve(line, reach), x, forward, forces, self._distances)
+        return _Curve(x, line, forward, forces, bool(bends))
 
     def _arrived(self, last: _Curve, reached: bool) -> Step:
         """Where a place on the chosen points' curve moves the structure and all points."""
@@ -345,3 +377,10 @@ class NonlinearElimination:
         values[:, self._chosen] = exact
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
         return Step(moved, values[:, self._mine], s, reached)
+
+
+def _longer(values: Array, size: int) -> Array:
+    """Values of p and q, or r and shear, with zeros for more points; a last odd one stays last."""
+    both = values[: len(values) // 2 * 2].reshape(2, -1)
+    more = np.zeros((2, size // 2 - both.shape[1]))
+    return np.append(np.concatenate([both, more], axis=1), values[both.size :])
