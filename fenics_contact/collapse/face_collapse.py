@@ -117,7 +117,8 @@ def _asked_gap(case: LoadCase) -> float:
 def begun_search(case: LoadCase) -> Future[Searched]:
     """The search of the face engine, begun beside other work."""
     model = case.blocks.model.planar.model
-    follow = case.discretization.scene.solve.engine == "follow"
+    engine = case.discretization.scene.solve.engine
+    follow = engine == "follow" or (engine == "auto" and case.blocks.has_strength)
     return case.beside.submit(searched, model, _asked_gap(case), case.wait, follow)
 
 
