@@ -163,6 +163,8 @@ class SearchOptions:
     # ---- loading path by face forces (faces/follow)
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
+    #: Work in the same units from which on a path that is lost may be near a collapse.
+    follow_near: float = 100.0
     #: Factorisations of one way at most.
     follow_effort: int = 600
     #: The same from `large_wall` blocks on.

@@ -245,6 +245,7 @@ class LoadingPath:
         law: Of the units, with the products.
         equations: Of the model; they count factorisations.
         unit: Works are in units of it: that of a typical live load on closed faces.
+        places: That were passed, as far as the path was followed.
     """
 
     def __init__(
@@ -261,6 +262,7 @@ class LoadingPath:
             SolverError: If the faces do not hold the blocks.
         """
         self._model = model
+        self.places: list[Place] = []
         self._way = way
         self._most = equations.factorizations + effort
         self._check_stop = check_stop
@@ -284,6 +286,11 @@ class LoadingPath:
             0.0,
         )
         self._set_products(way.products)
+
+    @property
+    def reached(self) -> float:
+        """Work of the last place that was passed, in units of `unit`."""
+        return self.work(self.places[-1]) / self.unit if self.places else 0.0
 
     def _set_products(self, products: float) -> None:
         self.law = replace(self.law, mu=products * self.law.force * self._displacement)
@@ -428,7 +435,7 @@ class LoadingPath:
         """
         way = self._way
         self._way = replace(way, least=0.3 * way.least)
-        places = [self.start()]
+        places = self.places = [self.start()]
         before: Array | None = None
         lost = ""
         for part, length in ((1.0, 0.3), (0.3, 0.1)):
@@ -442,6 +449,7 @@ class LoadingPath:
                 lost = str(error)
             else:
                 return places
+            self.places = max(self.places, places, key=lambda some: self.work(some[-1]))
             places = places[: max(1, len(places) - SEARCH.follow_back + 1)]
             before = places[-1].units - places[-2].units if len(places) > 1 else None
         raise SolverError(lost)
@@ -558,11 +566,13 @@ class Followed:
         path: How.
         places: Of the path, in order.
         iterate: The state at the work of the last place, without products.
+        is_whole: Whether that is the work asked for; else the path is lost there.
     """
 
     path: LoadingPath
     places: list[Place]
     iterate: Iterate
+    is_whole: bool = True
 
     @property
     def work(self) -> float:
@@ -647,6 +657,8 @@ def followed(
 ) -> Followed:
     """The loading path of a model to its end, in the first way that leads there.
 
+    Where none does, it ends where the one that came furthest is lost, if that is near a collapse.
+
     Args:
         model: Its live load is not zero.
         equations: Of the model.
@@ -660,8 +672,10 @@ def followed(
     """
     reasons = []
     ways = WAYS
-    if model.blocks >= SEARCH.large_wall:  # a step is dear, and one solve mostly comes as near
-        effort, ways = min(effort, SEARCH.follow_large_effort), WAYS[:2]
+    large = model.blocks >= SEARCH.large_wall
+    if large:  # a step is dear, and larger products are lost less often
+        effort, ways = min(effort, SEARCH.follow_large_effort), WAYS[1::-1]
+    furthest: LoadingPath | None = None
     for way in ways:
         path = LoadingPath(model, equations, way, effort, check_stop)
         try:
@@ -671,4 +685,12 @@ def followed(
                 return Followed(path, places, end)
         except SolverError as error:
             reasons.append(str(error))
-    raise SolverError("; ".join(dict.fromkeys(reasons)))
+        if path.reached > max(SEARCH.follow_near, furthest.reached if furthest else 0.0):
+            furthest = path
+        if large and furthest:
+            break
+    if furthest is None or work is not None:
+        raise SolverError("; ".join(dict.fromkeys(reasons)))
+    with np.errstate(all="ignore"):
+        end = furthest.without_products(furthest.places[-1])
+    return Followed(furthest, furthest.places, end, is_whole=False)

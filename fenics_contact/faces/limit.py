@@ -127,9 +127,14 @@ class FaceSearch:
             self._take(LOADING_PATH, np.nan, None)
             self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         else:
+            end = path.iterate.load_factor
             found = self._certifier.exact(path.iterate)
             found = found or self._certifier.near(path.iterate, path.work)[0]
-            self._take(LOADING_PATH, path.iterate.load_factor, found)
+            near = SEARCH.boxes[0] * self.model.size(end)
+            if path.is_whole or (found and abs(found.load_factor - end) <= 1.01 * near):
+                self._take(LOADING_PATH, end, found)
+            if not (path.is_whole or self._found):
+                self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
         return self.best if self._found else None
 
