@@ -589,7 +589,10 @@ class Followed:
         k = next(k for k in range(len(works)) if works[k] >= work or k == len(works) - 1)
         low, high = self.places[max(k - 1, 0)], self.places[k]
         part = (work - works[max(k - 1, 0)]) / ((works[k] - works[max(k - 1, 0)]) or 1.0)
-        return self.path.without_products(between(low, high, part), work)
+        for near in (between(low, high, part), low):
+            with suppress(SolverError):
+                return self.path.without_products(near, work)
+        return self.path.without_products(high, work)
 
     def top(self, higher: float) -> Iterate | None:
         """The highest state of the path, if it is higher than the end by a relative part.
@@ -690,7 +693,7 @@ def followed(
         if large and furthest:
             break
     if furthest is None or work is not None:
-        raise SolverError("; ".join(dict.fromkeys(reasons)))
+        raise SolverError(", ".join(dict.fromkeys(reasons)))
     with np.errstate(all="ignore"):
         end = furthest.without_products(furthest.places[-1])
     return Followed(furthest, furthest.places, end, is_whole=False)

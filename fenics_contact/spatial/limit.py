@@ -267,7 +267,10 @@ def _with_path(
             _log.warning("warning: output.capacity: %s", why)
         return replace(found, peak=Peak("not_known", reason=why) if along.peak else None)
     if along.peak:
-        found = replace(found, peak=peak_of(structure, path, found.sign))
+        peak = peak_of(structure, path, found.sign)
+        if peak.status == "none" and not path.is_whole:
+            peak = Peak("not_known", reason=peak_answer.NO_PATH)
+        found = replace(found, peak=peak)
     return replace(found, curve=curve_of(structure, path, found.sign, along.points))
 
 
