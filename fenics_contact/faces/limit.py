@@ -130,8 +130,9 @@ class FaceSearch:
             end = path.iterate.load_factor
             found = self._certifier.exact(path.iterate)
             found = found or self._certifier.near(path.iterate, path.work)[0]
-            near = SEARCH.boxes[0] * self.model.size(end)
-            if path.is_whole or (found and abs(found.load_factor - end) <= 1.01 * near):
+            near = 1.01 * SEARCH.boxes[0] * self.model.size(end)
+            sure = found and found.gap > -SEARCH.agrees and abs(found.load_factor - end) <= near
+            if path.is_whole or sure:
                 self._take(LOADING_PATH, end, found)
             if not (path.is_whole or self._found):
                 self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)

@@ -166,7 +166,8 @@ def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) 
     above = found.sign * (found.load_factor - found.upper) / found.size
     if above <= 0.0:
         return found
-    if above <= found.gap + SEARCH.agrees:
+    rounding = SEARCH.agrees * max(1.0, model.force / (model.load * found.size))
+    if above <= found.gap + rounding:
         lower = replace(found, load_factor=found.upper)
         residuals = residuals_of(structure, lower)
         return replace(lower, residuals=residuals, gap=max(found.gap, residuals["limit"]))
