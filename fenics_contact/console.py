@@ -249,7 +249,7 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
             None if one is None or math.isinf(one) else words.number(one, end.sign)
             for one in known[:: 1 if end.sign > 0.0 else -1]
         ]
-        told = LimitBounds(*ends).told("{:.3g}".format)
+        told = LimitBounds(ends[0], ends[1]).told("{:.3g}".format)
         told = f"all collapse states are at {ends[1]:.4g}" if end.bounds.meet else f"it is {told}"
         parts.append(f"{told} {words.unit}")
     return "; ".join([*parts, *(part for part in clauses if part.startswith("try "))])

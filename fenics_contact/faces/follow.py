@@ -556,6 +556,8 @@ class Way:
 #: Ways, the usual one first. Larger products, short steps and another start lead to an end where it
 #: does not, but a path with them takes another branch now and then.
 WAYS = (Way(1e-3), Way(1e-2), Way(1e-2, least=0.03, close=0.03), Way(1e-3, 1.0))
+#: Those of walls of `SEARCH.large_wall` blocks and more.
+LARGE_WAYS = (Way(1e-2), Way(1e-3))
 
 
 @dataclass(frozen=True)
@@ -674,10 +676,10 @@ def followed(
         SolverError: If no way leads to an end.
     """
     reasons = []
-    ways = WAYS
+    ways: tuple[Way, ...] = WAYS
     large = model.blocks >= SEARCH.large_wall
     if large:  # a step is dear, and larger products are lost less often
-        effort, ways = min(effort, SEARCH.follow_large_effort), WAYS[1::-1]
+        effort, ways = min(effort, SEARCH.follow_large_effort), LARGE_WAYS
     furthest: LoadingPath | None = None
     for way in ways:
         path = LoadingPath(model, equations, way, effort, check_stop)

@@ -143,7 +143,8 @@ class FaceSearch:
         """A search of its own on the same units with so much friction at most."""
         friction, dilatancy = np.minimum([self.model.friction, self.model.dilatancy], most)
         less = replace(self.model, friction=friction, dilatancy=dilatancy)
-        return FaceSearch(less, self._asked, self._effort, self._check_stop, self._near)
+        effort = int(self._effort)
+        return FaceSearch(less, self._asked, effort, self._check_stop, self._near)
 
     @property
     def way(self) -> str:

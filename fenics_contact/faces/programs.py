@@ -305,7 +305,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
 
     laws = model.strength, model.friction, model.dilatancy
     kept(solve(Program(model, equations, *laws, work, elastic=True), enough=kept))
-    return min(near, key=lambda iterate: iterate.gap, default=None)
+    return min(near, key=lambda iterate: iterate.gap) if near else None
 
 
 def state_alone(model: FaceModel) -> Iterate | None:

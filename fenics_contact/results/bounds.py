@@ -60,7 +60,8 @@ class LimitBounds:
     def rounded(self, size: float) -> LimitBounds:
         """The bounds, 0 where they cannot be told from it."""
         values = self.lower, self.upper, self.frictionless
-        return LimitBounds(*(None if b is None else rounded(b, size) for b in values), self.reason)
+        lower, upper, least = (None if b is None else rounded(b, size) for b in values)
+        return LimitBounds(lower, upper, least, self.reason)
 
     def told(self, number: Callable[[float], str]) -> str:
         """The bounds in words, with a form for numbers."""
@@ -89,8 +90,8 @@ def signed(record: Any, sign: float) -> Any:
         return {name: signed(item, sign) for name, item in record.items()}
     if isinstance(record, LimitBounds):
         ends = record.upper, record.lower, record.frictionless
-        turned = (None if end is None else 0.0 - end for end in ends)
-        return LimitBounds(*turned, record.reason)
+        lower, upper, least = (None if end is None else 0.0 - end for end in ends)
+        return LimitBounds(lower, upper, least, record.reason)
     if isinstance(record, State):
         return replace(record, load_factor=-record.load_factor, work=-record.work)
     if not is_dataclass(record) or isinstance(record, type):

@@ -128,7 +128,7 @@ def _tables(collapse: SpatialCollapse, units: Units) -> list[dict[str, Any]]:
     rows = [(name, f"{n:{form}}") for name, (n, form) in known.items() if n and math.isfinite(n)]
     tables = [Table(rows)]
     for answer in collapse.told:
-        rows += answer.table(cast(Any, collapse), units).rows
+        rows += [(row[0], row[1]) for row in answer.table(cast(Any, collapse), units).rows]
     if collapse.seismic is not None:
         tables.append(SeismicAnswer(collapse.seismic).table(cast(Any, collapse), units))
     return [vars(one) for one in tables]
