@@ -264,9 +264,9 @@ class LoadingPath:
         self._model = model
         self.places: list[Place] = []
         self._way = way
-        self._most = equations.factorizations + effort
-        self._check_stop = check_stop
         self.equations = equations
+        self.allow(effort)
+        self._check_stop = check_stop
         self._response = elastic_response(model, self.equations)
         pressed = self._response.dead_force[:, : model.pressing]
         typical = max(
@@ -291,6 +291,10 @@ class LoadingPath:
     def reached(self) -> float:
         """Work of the last place that was passed, in units of `unit`."""
         return self.work(self.places[-1]) / self.unit if self.places else 0.0
+
+    def allow(self, effort: int) -> None:
+        """So many factorisations from now on."""
+        self._most = self.equations.factorizations + effort
 
     def _set_products(self, products: float) -> None:
         self.law = replace(self.law, mu=products * self.law.force * self._displacement)
@@ -587,6 +591,7 @@ class Followed:
         Raises:
             SolverError: If Newton's method does not find it.
         """
+        self.path.allow(SEARCH.follow_large_effort)
         works = [self.path.work(place) for place in self.places]
         k = next(k for k in range(len(works)) if works[k] >= work or k == len(works) - 1)
         low, high = self.places[max(k - 1, 0)], self.places[k]

@@ -97,8 +97,8 @@ def _pushed(structure: Structure) -> float:
 
 
 def _is_verified(structure: Structure, state: Iterate, sign: float) -> bool:
-    """Whether forces of a state are in equilibrium and within all laws."""
+    """Whether a state has next to no products, and its forces are within equilibrium and laws."""
     factor = sign * state.load_factor
     force, tension = structure.point_forces(state.force), structure.tensions(state.force)
     given = SpatialCollapse(load_factor=factor, given=factor, force=force, tension=tension)
-    return not missed(residuals_of(structure, given), SEARCH.gap)
+    return state.gap <= SEARCH.gap and not missed(residuals_of(structure, given), SEARCH.gap)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,16 @@ ROW = {"builder": "wall", "length": 3.0, "height": 1.5, "thickness": 0.5, "brick
 DIPS = {"builder": "wall", "length": 3.0, "height": 3.0, "thickness": 0.5, "brick": [0.6, 0.3]}
 #: From a stone of the top course to the ground.
 TIE = {"from": [0.5, 0.25, 1.25], "ground": [-1.0, 0.25, 0.0], "yield": 1.5e3}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _logger():
+    """Other tests hear warnings after the program was run in this process."""
+    log = logging.getLogger("fenics_contact")
+    known = log.propagate, log.handlers[:], log.level
+    yield
+    log.propagate, log.handlers[:] = known[:2]
+    log.setLevel(known[2])
 
 
 def tables(blocks=ROW, friction=0.65, **more):
