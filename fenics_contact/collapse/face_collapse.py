@@ -249,7 +249,8 @@ def force_residuals(
 def _at_strength(faces: PlanarFaces, state: FaceState) -> tuple[PlaceAtStrength, ...]:
     """Ends of faces at their strength, the longest blocks of pressure first.
 
-    Little of it is left in the state, or, within the state's gap, the mode closes the face there.
+    The face moves in the mode and little of it is left in the state, or, within the state's gap,
+    the mode closes the face there. Faces that only opened on the way to it are not told.
     """
     model, force = faces.model, state.force
     normal = model.normal(force)
@@ -258,7 +259,9 @@ def _at_strength(faces: PlanarFaces, state: FaceState) -> tuple[PlaceAtStrength,
     at_strength = (model.kappa > 0.0) & (normal > SEARCH.verified * normal.max(initial=0.0))
     # Where little is left at one end, the block of pressure is at the other one.
     crushes = left[:, ::-1] <= SEARCH.slight * normal[:, None]
-    crushes |= opening < -SEARCH.slight * np.abs(opening).max(initial=0.0)
+    slight = SEARCH.slight * np.abs(opening).max(initial=0.0)
+    crushes &= np.abs(opening).max(axis=1, keepdims=True) > slight  # of those that move
+    crushes |= opening < -slight
     joints = faces.joints
     places = []
     for face, end in np.argwhere(at_strength[:, None] & crushes):
