@@ -30,12 +30,10 @@ from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import ContactProblem, SparseMap, State
 
-#: Phase of the record: its points are those of block modes.
+#: Phase of the record, as of the path: its points are those of block modes.
 ON_THE_WAY = "block modes, rising work"
 #: Compliance of joint points, over that of a node: closed ones are springs that keep their digits.
 SOFT = 1e-4
-#: What an end may miss of equilibrium, over the largest nodal force.
-EXACT = 1e-8
 #: Products with which the structure is taken up, smaller ones first.
 TAKEN_UP = (1e-3, 1e-2, 1e-1)
 
@@ -143,7 +141,7 @@ def _exact(program: Program, end: Iterate, before: Iterate) -> Iterate:
     best = end
     size = program.model.size(end.load_factor)
     for start in (end, before):
-        if best.missing < EXACT:
+        if best.missing < 10.0 * SEARCH.exact_state:
             break
         found = solve(program, start)
         near = abs(found.load_factor - end.load_factor) < SEARCH.gap * size

@@ -16,8 +16,8 @@ from fenics_contact.faces.follow import Followed
 from fenics_contact.faces.kernel import Iterate
 from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.search_options import SEARCH
-from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.result import SpatialCollapse
+from fenics_contact.spatial.standing import held_against
 from fenics_contact.spatial.structure import Structure
 
 NOT_VERIFIED = "the highest state of the path does not pass its verification"
@@ -98,7 +98,6 @@ def _pushed(structure: Structure) -> float:
 
 def _is_verified(structure: Structure, state: Iterate, sign: float) -> bool:
     """Whether a state has next to no products, and its forces are within equilibrium and laws."""
-    factor = sign * state.load_factor
-    force, tension = structure.point_forces(state.force), structure.tensions(state.force)
-    given = SpatialCollapse(load_factor=factor, given=factor, force=force, tension=tension)
-    return state.gap <= SEARCH.gap and not missed(residuals_of(structure, given), SEARCH.gap)
+    given = SpatialCollapse(given=sign * state.load_factor)
+    held = held_against(structure, given, state.force)
+    return state.gap <= SEARCH.gap and held.status == "equilibrium"

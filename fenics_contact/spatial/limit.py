@@ -17,8 +17,8 @@ from functools import cache
 
 import numpy as np
 
-from fenics_contact.answers import peak as peak_answer
 from fenics_contact.answers.lowest import FOUND
+from fenics_contact.answers.peak import NO_PATH
 from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
@@ -134,7 +134,9 @@ def _solved(
     options = scene.solve
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
-    along = AlongPath(not options.fast and options.peak is not False, scene.output.capacity)
+    first = direction in (options.direction, "positive")  # its curve is drawn
+    points = scene.output.capacity if first else 0
+    along = AlongPath(not options.fast and options.peak is not False, points)
     found = collapse_of(structure, sign, options.gap, check_stop, along)
     if found.status not in ("limit", "not_converged"):
         return found
@@ -263,14 +265,13 @@ def _with_path(
     """A limit with what is asked of the path that led to it."""
     path = search.path if search.way == "follow" and not crushes else None
     if path is None:
-        why = peak_answer.NO_PATH
         if along.points:
-            _log.warning("warning: output.capacity: %s", why)
-        return replace(found, peak=Peak("not_known", reason=why) if along.peak else None)
+            _log.warning("warning: output.capacity: %s", NO_PATH)
+        return replace(found, peak=Peak("not_known", reason=NO_PATH) if along.peak else None)
     if along.peak:
         peak = peak_of(structure, path, found.sign)
         if peak.status == "none" and not path.is_whole:
-            peak = Peak("not_known", reason=peak_answer.NO_PATH)
+            peak = Peak("not_known", reason=NO_PATH)
         found = replace(found, peak=peak)
     return replace(found, curve=curve_of(structure, path, found.sign, along.points))
 

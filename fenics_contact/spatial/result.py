@@ -151,7 +151,8 @@ def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
         traction = dict(zip(load.traction, tractions, strict=True))
         loads[name] = {**vars(load), "body": body, "traction": traction}
     floors = {name: vars(floor) for name, floor in scene.floors.items()}
-    more = {"both": both, "direction": tuple(along.tolist())}
+    asked = {name for name, value in vars(scene.solve).items() if value is True}
+    more = {"both": both, "direction": tuple(along.tolist()), "asked": asked}
     return SpatialWording.of(loads, floors, resultant, scene.units, **more)
 
 

@@ -51,13 +51,13 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
     nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
-    found = _held_against(structure, nothing, state.force)
+    found = held_against(structure, nothing, state.force)
     if "crushing" in missed(found.residuals, SEARCH.gap):
         with suppress(SolverError):
             part, force, motion = _uncrushed(structure, model, load_factor)
             if part < 1.0 - SEARCH.verified:
                 return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
-            return _held_against(structure, nothing, force)
+            return held_against(structure, nothing, force)
     return found
 
 
@@ -91,7 +91,7 @@ def _fallen(
     return replace(found, status="unstable", reason=reason, falling=fall)
 
 
-def _held_against(structure: Structure, found: SpatialCollapse, force: Array) -> SpatialCollapse:
+def held_against(structure: Structure, found: SpatialCollapse, force: Array) -> SpatialCollapse:
     """A state with the engine's forces, held against blocks, contacts and laws."""
     known = structure.point_forces(force), structure.tensions(force)
     found = replace(found, load_factor=found.given, force=known[0], tension=known[1])

@@ -100,8 +100,11 @@ def test_displacements_are_those_of_contacts_of_young():
 
 
 def test_both_directions_of_a_mirrored_wall_have_mirrored_curves():
-    ends = limit_load(scene(solve={"direction": "both"}, output={"capacity": 5})).ends
-    for one, other in zip(ends["positive"].curve, ends["negative"].curve, strict=True):
+    curves = [
+        limit_load(scene(solve={"direction": way}, output={"capacity": 5})).ends[way].curve
+        for way in ("positive", "negative")
+    ]
+    for one, other in zip(*curves, strict=True):
         assert one.load_factor == pytest.approx(-other.load_factor, rel=1e-5)
         assert one.displacement == pytest.approx(other.displacement, rel=1e-4)
 
