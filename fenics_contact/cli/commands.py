@@ -24,7 +24,7 @@ from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
-from fenics_contact.scene.toml_tables import read_toml
+from fenics_contact.scene.toml_tables import is_of_blocks, read_toml
 from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import InPlace, Signals, ranks, ranks_of
 
@@ -144,8 +144,8 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
 
 
 def _scene_of(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> Any:
-    """A scene in the plane or in space, from the tables of a file in a folder."""
-    if tables.get("dimension") == 3:
+    """A scene of a mesh, or of rigid blocks, from the tables of a file in a folder."""
+    if is_of_blocks(tables):
         from fenics_contact.spatial.scene import Scene as SpatialScene
 
         return SpatialScene.from_tables(tables, folder)

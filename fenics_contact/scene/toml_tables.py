@@ -104,6 +104,19 @@ def _check_depth(tables: Any, source: str) -> None:
     require(not level, f"{source} has more than {DEEPEST} tables in tables")
 
 
+def is_of_blocks(tables: Mapping[str, Any]) -> bool:
+    """Whether the tables of a file are of rigid blocks without a mesh.
+
+    Raises:
+        InputError: If they are of a structure in neither the plane nor space, or have a mesh, too.
+    """
+    dimension = tables.get("dimension", 2)
+    require(dimension in (2, 3), f"dimension = {shown(dimension)} must be 2 or 3")
+    both = dimension == 2 and "blocks" in tables and "mesh" in tables
+    require(not both, "blocks: give either [mesh], or [blocks] without one")
+    return dimension == 3 or "blocks" in tables
+
+
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
     """A dataclass from a TOML table; `key` is the table's name, empty for a whole file.
 

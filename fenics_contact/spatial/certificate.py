@@ -63,7 +63,7 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
         return {}
     count = len(force)
     laws = ("friction", "dilatancy", "tensile_strength", "cohesion")
-    friction, dilatancy, tensile, cohesion = (structure.of_units(law)[:count] for law in laws)
+    friction, dilatancy, tensile, cohesion = (structure.of_points(law) for law in laws)
     tensile = tensile * structure.points.area
     cohesion = cohesion * structure.points.area
     yields = structure.yields

@@ -103,7 +103,7 @@ class Crushing:
             moments = 2.0 * (place @ axes.T / sides).T
             rows.append(csr_matrix(mine * np.vstack([np.ones(len(mine)), moments])))
             strength.append(structure.laws[number].compressive_strength * float(np.prod(sides)))
-        given = structure.given_force[: len(points.area), 0]
+        given = structure.point_forces(np.zeros_like(structure.given_force))[:, 0]
         return cls(vstack(rows).tocsr(), np.array(strength), given)
 
     def strengths(self, normal: Array) -> tuple[Array, Array]:

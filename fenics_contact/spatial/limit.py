@@ -143,10 +143,11 @@ def _solved(
     model = structure.face_model(sign)
     lower = options.lowest or options.states == "lowest"
     try:
-        if lower and found.status == "limit" and not np.any(structure.crushes):
+        crushes = crush_apart(structure, model)
+        if lower and found.status == "limit" and not crushes:
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
-        if not options.fast and found.way == "follow" and not np.any(structure.crushes):
+        if not options.fast and found.way == "follow" and not crushes:
             tell("another state")
             found = _with_one_shot(found, model, options.gap, check_stop)
         if not options.fast and not found.stopped:
@@ -198,7 +199,7 @@ def collapse_of(
         return replace(rest, sign=sign)
     model = structure.face_model(sign)
     search = FaceSearch(model, asked, None, check_stop, SEARCH.shared_gap)
-    crushes = bool(np.any(structure.crushes))
+    crushes = crush_apart(structure, model)
     wedged = cache(lambda: wedged_blocks(structure, model))
 
     def unlimited() -> bool:
@@ -291,6 +292,11 @@ def _with_one_shot(
     return replace(found, states=(*found.states, one))
 
 
+def crush_apart(structure: Structure, model: FaceModel) -> bool:
+    """Whether contacts crush by programs of their own (`crushing`): the model knows no strength."""
+    return bool(np.any(structure.crushes)) and not np.any(model.kappa)
+
+
 def _alike(structure: Structure, sign: float) -> bool:
     """Whether the dead load is a multiple of the live load, not a negative one."""
     dead, live = structure.generalised(structure.dead), sign * structure.generalised(structure.live)
@@ -348,7 +354,7 @@ def _with_lowest(
     best: FaceState | None = None
     corners = replace(structure, quick=True).face_model(found.sign)
     starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
-    if not structure.quick:
+    if corners.shape != model.shape:
         starts.append(FaceSearch(corners, options.gap, None, check_stop))
     for start in starts:
         search = FaceSearch(model, SEARCH.side_accuracy, None, check_stop)

@@ -50,6 +50,14 @@ def points_of(contact: Contact, quick: bool = False) -> tuple[Array, Array]:
     return contact.corners[0] + places @ contact.axes[1:], areas
 
 
+def ends_of(contact: Contact) -> tuple[Array, Array]:
+    """Ends of a contact in the plane x-z along its first tangent, as `points_of` gives points."""
+    along = contact.in_plane[:, 0]
+    ends = contact.corners[[along.argmin(), along.argmax()]]
+    ends[:, 1] = contact.corners[:, 1].mean()
+    return ends, np.full(2, 0.5 * contact.area)
+
+
 def polygon_centroid(points: Array) -> Array:
     """Centroid of a polygon, shape (2,)."""
     following = np.roll(points, -1, axis=0)

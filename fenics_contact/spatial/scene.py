@@ -1,12 +1,10 @@
-"""A scene in space: rigid blocks with joint laws and loads; what a user describes."""
+"""A scene of rigid blocks, in space or in the plane: joint laws and loads a user describes."""
 
 from __future__ import annotations
 
-import fnmatch
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from importlib import import_module
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,6 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError, checked, key_of, raised_together, require
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -31,8 +28,10 @@ from fenics_contact.scene.rules import (
     ruled,
 )
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
-from fenics_contact.scene.toml_tables import from_table, read_toml, refuse_unknown
+from fenics_contact.scene.toml_tables import from_table, read_toml
 from fenics_contact.scene.units import Units
+from fenics_contact.spatial import plane
+from fenics_contact.spatial.block_tables import blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
 from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
@@ -48,23 +47,15 @@ from fenics_contact.spatial.loads import (
     surface_loads,
     total,
 )
-from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.structure import ContactLaw, Structure
 
 #: Depth of the ground below a foundation, in parts of a typical block's size.
 DEPTH = 0.1
-#: Shapes of blocks: how many corners they have, 0 for any number, and the body of these.
-SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
-    "box": (2, lambda corners: Polyhedron.box(corners.min(axis=0), corners.max(axis=0))),
-    "hexahedron": (8, Polyhedron.hexahedron),
-    "vertices": (0, Polyhedron.hull),
-}
 #: Widths, m, and mass, kg, of blocks beyond which they are probably of another unit.
 SMALLEST, WIDEST, HEAVIEST = 5e-3, 50.0, 1e9
 #: Name of the ground where none is given.
 GROUND = "ground"
-#: Which axes of a file become x, y and z, by the one that points upwards, with their signs.
-UPWARDS = {"x": ((2, 1, 0), (-1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
 
 
 @dataclass(frozen=True)
@@ -179,6 +170,8 @@ class Scene(Checked, _Shared):
         tolerance: Sides touch that are as near as this, m, and blocks may overlap by it; None: a
             part of their thickness.
         title: Of pictures and result.
+        dimension: 3, or 2: of blocks that are prisms a metre deep, moving in the plane x-z.
+        thickness: Of a structure in the plane, m, for forces that people read; see `Units`.
         read: How many blocks a file names, how many were read.
         notes: What of a file was left out, or taken otherwise than written.
     """
@@ -186,6 +179,8 @@ class Scene(Checked, _Shared):
     blocks: tuple[Block, ...]
     live: Load = field(default_factory=Load)
     dead: Load = field(default_factory=Load)
+    dimension: int = ruled(rule(lambda d: d in (2, 3), "must be 2 or 3"), 3)
+    thickness: float | None = ruled(POSITIVE, None)
     read: str = ""
     notes: tuple[str, ...] = ()
 
@@ -225,12 +220,13 @@ class Scene(Checked, _Shared):
         """All but the blocks, with the names and values of a scene file."""
         shared = _Shared(**{name: getattr(self, name) for name in _Shared.__dataclass_fields__})
         loads = asdict(_LoadTables(self.live, self.dead))
-        return {**asdict(shared, dict_factory=_by_keys), "loads": loads}
+        tables = {**asdict(shared, dict_factory=_by_keys), "loads": loads}
+        return plane.in_plane(tables) if self.dimension == 2 else tables
 
     @property
     def units(self) -> Units:
-        """Units of what people read on the console: forces are of the whole structure."""
-        return Units(self.output.units, 1.0)
+        """Units of what people read on the console: in space, forces of the whole structure."""
+        return Units(self.output.units, 1.0 if self.dimension == 3 else self.thickness)
 
     @classmethod
     @checked
@@ -263,11 +259,22 @@ class Scene(Checked, _Shared):
         Raises:
             InputError: If a table is wrong.
         """
-        tables = from_table(_SceneTables, given)
+        in_plane = given.get("dimension", 2) == 2
+        tables = from_table(_SceneTables, plane.in_space(given) if in_plane else given)
+        require(bool(tables.blocks), "blocks is missing; give file, builder, or [blocks.NAME]")
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
-        blocks, read, notes = blocks_of_table(tables.blocks, folder)
-        live, dead = tables.loads.live, tables.loads.dead
-        return cls(blocks=blocks, live=live, dead=dead, read=read, notes=notes, **shared)
+        read = plane.blocks_of_table if in_plane else blocks_of_table
+        blocks, told, notes = read(given["blocks"], folder)
+        return cls(
+            blocks=blocks,
+            live=tables.loads.live,
+            dead=tables.loads.dead,
+            dimension=2 if in_plane else 3,
+            thickness=tables.plane.thickness,
+            read=told,
+            notes=notes,
+            **shared,
+        )
 
     def structure(self) -> Structure:
         """The structure, ground with it, with contacts, laws and loads.
@@ -279,6 +286,8 @@ class Scene(Checked, _Shared):
         near = max(NEAR * size, self.tolerance or 0.0)
         blocks = (*self.blocks, *self._ground(DEPTH * size))
         touching, warnings = checked_contacts(blocks, self.tolerance)
+        if self.dimension == 2:
+            touching = tuple(plane.upright(contact) for contact in touching)
         acting = list(self._acting(touching, blocks))
         text = "blocks: no two of them touch, so that nothing holds them"
         require(bool(acting), "; ".join([text, *warnings]))
@@ -309,6 +318,7 @@ class Scene(Checked, _Shared):
             (*self.notes, *self._odd_sizes(), *warnings),
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting=given,
+            dimension=self.dimension,
         )
 
     def _odd_sizes(self) -> Iterator[str]:
@@ -418,63 +428,6 @@ class Scene(Checked, _Shared):
 # ---- what a scene file holds, table by table
 
 
-Corners = tuple[tuple[float, float, float], ...]
-
-
-@dataclass(frozen=True)
-class _Shape(Checked):
-    """A convex body, in one of three ways; corners in m."""
-
-    box: Corners | None = None
-    hexahedron: Corners | None = None
-    vertices: Corners | None = None
-    faces: tuple[tuple[int, ...], ...] | None = None
-
-    @property
-    def given(self) -> list[str]:
-        """In which ways it is given."""
-        return [kind for kind in (*SHAPES, "faces") if getattr(self, kind) is not None]
-
-    def polyhedron(self, key: str) -> Polyhedron:
-        """The body.
-
-        Raises:
-            InputError: If it is given in none of the ways, or in more than one.
-        """
-        kind, *more = self.given or ["none"]
-        text = f"{key}: give one of {', '.join(SHAPES)}, pieces"
-        require(kind in SHAPES and more in ([], ["faces"]), text)
-        require(kind == "vertices" or not more, f"{key}: faces go with vertices")
-        count, body = SHAPES[kind]
-        points = np.array(getattr(self, kind), dtype=float)
-        text = f"{key}: {kind} has {counted(len(points), 'corner')}; give {count}"
-        require(count in (0, len(points)), text)
-        return body(points) if self.faces is None else Polyhedron(points, self.faces)
-
-
-@dataclass(frozen=True)
-class _Block(_Shape):
-    """A table [blocks.NAME]."""
-
-    pieces: tuple[_Shape, ...] | None = None
-    group: str = "default"
-    fixed: bool = False
-
-    def block(self, name: str) -> Block:
-        """The block, of its pieces or its own shape.
-
-        Raises:
-            InputError: If it is none.
-        """
-        key = f"blocks.{name}"
-        text = f"{key}: give either pieces or {', '.join(self.given)}"
-        require(self.pieces is None or not self.given, text)
-        pieces = {f"{key}.pieces[{k}]": piece for k, piece in enumerate(self.pieces or ())}
-        shapes = pieces if self.pieces is not None else {key: self}
-        bodies = tuple(shape.polyhedron(place) for place, shape in shapes.items())
-        return Block(bodies, name, self.group, self.fixed)
-
-
 @dataclass(frozen=True)
 class _LoadTables:
     live: Load = field(
@@ -483,99 +436,18 @@ class _LoadTables:
     dead: Load = field(default_factory=Load)
 
 
+@dataclass(frozen=True)
+class _PlaneTable(Checked):
+    thickness: float | None = ruled(POSITIVE, None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class _SceneTables(_Shared):
     loads: _LoadTables
-    dimension: int = 3
+    dimension: int = 2
     blocks: Mapping[str, Any] = field(default_factory=dict)
+    plane: _PlaneTable = field(default_factory=_PlaneTable)
 
 
 def _by_keys(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return {key_of(name): value for name, value in values}
-
-
-@dataclass(frozen=True)
-class _Changes(Checked):
-    """Patterns of names: of blocks that are fixed, and of those of groups."""
-
-    fixed: tuple[str, ...] = ()
-    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-def blocks_of_table(
-    table: Mapping[str, Any], folder: Path
-) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
-    """Blocks of the table [blocks]: of a file, of a builder, or one by one.
-
-    Returns:
-        The blocks; of a file how many were read, and what was left out.
-
-    Raises:
-        InputError: If they are wrong.
-    """
-    require(bool(table), "blocks is missing; give file, builder, or [blocks.NAME]")
-    if isinstance(up := table.get("up"), str):
-        require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
-        order, signs = UPWARDS[up]
-        blocks, read, notes = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
-        turned = [
-            replace(
-                block,
-                pieces=tuple(
-                    Polyhedron(p.corners[:, order] * signs, p.sides) for p in block.pieces
-                ),
-            )
-            for block in blocks
-        ]
-        return tuple(turned), read, notes
-    if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
-        return _made(table, folder)
-    shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
-    return tuple(shape.block(name) for name, shape in shapes.items()), "", ()
-
-
-def _made(table: Mapping[str, Any], folder: Path) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
-    """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
-    given = dict(table)
-    changes = from_table(
-        _Changes, {k: given.pop(k) for k in ("fixed", "groups") if k in given}, "blocks"
-    )
-    if "file" in given:
-        refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
-        readers = import_module("fenics_contact.spatial.readers")
-        blocks, read, notes = readers.read_blocks(folder / given["file"], given.get("unit"))
-    else:
-        blocks, read, notes = _built(str(given.pop("builder")), given), "", ()
-    names = [name for block in blocks for name in (block.name, block.group)]
-    wished: list[tuple[str, Any]] = [(pattern, {"fixed": True}) for pattern in changes.fixed]
-    wished += [(p, {"group": g}) for g, patterns in changes.groups.items() for p in patterns]
-    for pattern, change in wished:
-        chosen = set(fnmatch.filter(names, pattern))
-        first = listed(list(dict.fromkeys(names))[:6])
-        text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
-        require(bool(chosen), text)
-        blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
-    return blocks, read, notes
-
-
-def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
-    """Blocks by a function of `builders`."""
-    builders = import_module("fenics_contact.spatial.builders")
-    known = {
-        key: function
-        for key, function in vars(builders).items()
-        if getattr(function, "__annotations__", {}).get("return") == "Blocks" and key[0] != "_"
-    }
-    text = f"blocks.builder = '{name}' must be one of {listed(sorted(known))}"
-    require(name in known, text)
-    function = known[name]
-    keys = set(function.__annotations__) - {"return"}
-    refuse_unknown("blocks", given, keys)
-    optional = getattr(function, "__wrapped__", function).__kwdefaults__ or {}
-    missing = sorted(keys - set(optional) - set(given))
-    text = f"blocks.{min(missing, default='')} is missing; the builder '{name}' needs it"
-    require(not missing, text)
-    try:
-        return tuple(function(**given))
-    except InputError as error:
-        raise InputError(f"blocks.{error}") from None

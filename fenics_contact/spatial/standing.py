@@ -150,21 +150,23 @@ def wedged_blocks(
 
     They do so from rest, or where they are `stressed` with any forces inside the cones.
     """
-    crushes = np.append(structure.crushes[structure.points.contact], np.zeros(len(structure.bars)))
+    closes = structure.crushes[structure.points.contact][:: structure.pressing]
+    crushes = np.append(closes, np.zeros(len(structure.bars)))
     dilatancy = model.friction if stressed else model.dilatancy
     state = state_alone(replace(model, kappa=model.kappa + crushes, dilatancy=dilatancy))
     if state is None:
         return ()
-    left = crushes[: len(structure.points.area)] == 0.0
-    force = np.linalg.norm(state.force, axis=1)[: np.count_nonzero(left)]
-    size = np.zeros((len(structure.blocks), 6))
+    force = np.linalg.norm(state.force, axis=1)[: np.count_nonzero(~closes)]
+    size = np.zeros(len(structure.blocks))
     for _, block, _ in structure.ends:
-        np.maximum.at(size[:, 0], block[: len(left)][left], force)
+        of_faces = block[: len(structure.points.area) : structure.pressing]
+        np.maximum.at(size, of_faces[~closes], force)
     return _numbers(structure, size[structure.number >= 0])
 
 
 def _numbers(structure: Structure, size: Array) -> tuple[int, ...]:
-    """Numbers of the moving blocks that have what is not small, of six components each."""
-    size = np.linalg.norm(size.reshape(-1, 6), axis=1)
+    """Numbers of the moving blocks that have what is not small, of any number of components."""
+    moving = np.count_nonzero(structure.number >= 0)
+    size = np.linalg.norm(size.reshape(moving, -1), axis=1)
     slight = SEARCH.slight * size.max(initial=0.0)
     return tuple(np.flatnonzero(structure.number >= 0)[size > slight].tolist())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,13 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.loads import Acting, Bar
-from fenics_contact.spatial.points import points_of
+from fenics_contact.spatial.points import ends_of, points_of
 from fenics_contact.spatial.polyhedra import TINY, Block
 
 #: Shear stiffness of a face, in parts of its normal stiffness.
 SHEAR = 0.4
+#: Motions of a block by dimension, of three displacements and three rotations: the plane is x-z.
+FREE = {2: [0, 2, 4], 3: [0, 1, 2, 3, 4, 5]}
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,11 @@ class ContactPoints:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Rigid blocks in space with their contacts and loads.
+    """Rigid blocks with their contacts and loads, in space or in the plane x-z.
 
     Units of the engine are the points of contacts, with forces along their contact's axes, and then
-    the bars, with a shear force along the bar.
+    the bars, with a shear force along the bar. In the plane contacts are faces of two points, their
+    ends, and a unit is a face: a pressing force at each end, and one shear force.
 
     Attributes:
         blocks: All blocks; those that are fixed are ground.
@@ -78,6 +81,7 @@ class Structure:
         doubts: Those of the warnings that say what is not understood: while there are some, nothing
             is proved to fall.
         acting: Tractions, forces and floors by their keys.
+        dimension: 2 or 3.
     """
 
     blocks: tuple[Block, ...]
@@ -92,6 +96,21 @@ class Structure:
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     acting: Mapping[str, Acting] = field(default_factory=dict)
+    dimension: int = 3
+
+    @property
+    def pressing(self) -> int:
+        """Pressing forces of a unit."""
+        return 4 - self.dimension
+
+    @cached_property
+    def rows(self) -> Indices:
+        """Which motions along axes of points and bars, three of each, are of units, (units, 3)."""
+        every = np.arange(3 * len(self.axes)).reshape(-1, 3)
+        if self.dimension == 3:
+            return every
+        ends, bars = np.split(every, [2 * len(self.contacts)])
+        return np.vstack([ends.reshape(-1, 6)[:, [0, 3, 1]], bars[:, [0, 0, 1]]])
 
     @cached_property
     def size(self) -> float:
@@ -101,7 +120,8 @@ class Structure:
     @cached_property
     def points(self) -> ContactPoints:
         """Points of all contacts."""
-        every = [points_of(contact, self.quick) for contact in self.contacts]
+        points = ends_of if self.dimension == 2 else partial(points_of, quick=self.quick)
+        every = [points(contact) for contact in self.contacts]
         contact = np.repeat(np.arange(len(every)), [len(places) for places, _ in every])
         return ContactPoints(
             np.vstack([places for places, _ in every]),
@@ -118,7 +138,13 @@ class Structure:
     @cached_property
     def areas(self) -> Array:
         """Of units, m2, shape (units,): 0 for bars."""
-        return np.append(self.points.area, np.zeros(len(self.bars)))
+        area = self.points.area.reshape(-1, self.pressing).sum(axis=1)
+        return np.append(area, np.zeros(len(self.bars)))
+
+    @property
+    def faces(self) -> int:
+        """How many units are no bars."""
+        return len(self.areas) - len(self.bars)
 
     @cached_property
     def yields(self) -> Array:
@@ -127,8 +153,12 @@ class Structure:
 
     def of_units(self, name: str) -> Array:
         """A value of the laws by units, shape (units,): 0 for bars."""
-        values = np.array([getattr(law, name) for law in self.laws])[self.points.contact]
+        values = self.of_points(name)[:: self.pressing]
         return np.append(values, np.zeros(len(self.bars)))
+
+    def of_points(self, name: str) -> Array:
+        """A value of the laws by points, shape (points,)."""
+        return np.array([getattr(law, name) for law in self.laws])[self.points.contact]
 
     def areas_of(self, key: str) -> list[float]:
         """Of the contacts with one law, m2."""
@@ -143,7 +173,7 @@ class Structure:
 
     @cached_property
     def axes(self) -> Array:
-        """Of units, shape (units, 3, 3): normal and tangents of points, the line of bars second."""
+        """Of points and bars, shape (., 3, 3): normal and tangents; the line of bars second."""
         along = np.zeros((len(self.bars), 3, 3))
         for k, bar in enumerate(self.bars):
             line = bar.tie.ends[1] - bar.tie.ends[0]
@@ -153,7 +183,7 @@ class Structure:
 
     @cached_property
     def ends(self) -> list[tuple[float, Indices, Array]]:
-        """Of units, the first and the second: sign, blocks, and arms from their centroids, m."""
+        """Of points and bars, the first and the second: sign, blocks, arms from centroids, m."""
         pairs = np.array([(contact.first, contact.second) for contact in self.contacts])
         blocks = np.vstack([pairs[self.points.contact], *(bar.blocks for bar in self.bars)])
         centroid = np.array([*(block.centroid for block in self.blocks), np.zeros(3)])  # of GROUND
@@ -167,13 +197,14 @@ class Structure:
     def relative_motion(self) -> Any:
         """H: motions of blocks, m and rad times `size`, to those of units along their axes.
 
-        Sparse, shape (3 units, 6 moving blocks); opening is positive.
+        Sparse, shape (3 units, motions of moving blocks); opening is positive.
         """
-        return self._motions[:, np.flatnonzero(np.repeat(self.number >= 0, 6))]
+        moves = 6 * np.flatnonzero(self.number >= 0)[:, None] + FREE[self.dimension]
+        return self._motions[self.rows.ravel()][:, moves.ravel()]
 
     @cached_property
     def _motions(self) -> Any:
-        """H of all blocks, those of the ground, too."""
+        """H of all blocks, those of the ground, too, along all axes of points and bars."""
         from scipy.sparse import csr_matrix
 
         count = len(self.blocks)
@@ -189,10 +220,10 @@ class Structure:
         return found[:, : 6 * count]
 
     def generalised(self, load: Array) -> Array:
-        """Forces that go with the motions, from a load of all blocks, shape (6 moving blocks,)."""
+        """Forces that go with the motions, from a load of all blocks."""
         moving = load[self.number >= 0].copy()
         moving[:, 3:] /= self.size
-        return moving.ravel()
+        return moving[:, FREE[self.dimension]].ravel()
 
     def mode(self, motion: Array) -> Array:
         """Motions of all blocks, shape (blocks, 6), that go with generalised ones.
@@ -200,7 +231,8 @@ class Structure:
         Scaled to a largest velocity of a corner of 1.
         """
         mode = np.zeros((len(self.blocks), 6))
-        mode[self.number >= 0] = motion.reshape(-1, 6)
+        free = FREE[self.dimension]
+        mode[np.ix_(self.number >= 0, free)] = motion.reshape(-1, len(free))
         mode[:, 3:] /= self.size
         fastest = TINY
         for block, (*velocity, p, q, r) in zip(self.blocks, mode.tolist(), strict=True):
@@ -217,53 +249,81 @@ class Structure:
         the tension Y / 2 - t with |t| <= Y / 2.
         """
         given = np.zeros((len(self.areas), 3))
-        given[:, 0] = -self.areas * self.of_units("tensile_strength")
-        given[len(self.points.area) :, 1] = -0.5 * self.yields
+        tension = self.areas * self.of_units("tensile_strength") / self.pressing
+        given[:, : self.pressing] = -tension[:, None]
+        given[self.faces :, self.pressing] = -0.5 * self.yields
         return given
 
     def point_forces(self, force: Array) -> Array:
-        """Forces of points along their contact's axes, N, shape (points, 3), from the engine's."""
-        return np.asarray((force + self.given_force)[: len(self.points.area)])
+        """Forces of points along their contact's axes, N, shape (points, 3), from the engine's.
+
+        In the plane the ends of a face share its shear force by what they bear at most.
+        """
+        whole = np.asarray((force + self.given_force)[: self.faces])
+        if self.dimension == 3:
+            return whole
+        friction, cohesion = (
+            self.of_points(name).reshape(-1, 2) for name in ("friction", "cohesion")
+        )
+        bound = friction * whole[:, :2] + cohesion * self.points.area.reshape(-1, 2)
+        share = np.maximum(bound, 1e-300)
+        share /= share.sum(axis=1)[:, None]
+        shear = (share * whole[:, 2:]).ravel()
+        return np.column_stack([whole[:, :2].ravel(), shear, np.zeros(len(shear))])
 
     def tensions(self, force: Array) -> Array:
         """Of the bars, N, shape (bars,), from the engine's forces."""
-        return np.asarray(-(force + self.given_force)[len(self.points.area) :, 1])
+        return np.asarray(-(force + self.given_force)[self.faces :, self.pressing])
 
     def face_model(self, sign: float = 1.0) -> FaceModel:
         """What the engine sees, with the live load or the reverse of it (sign -1)."""
-        count = len(self.points.area)
-        area = self.points.area
+        count = self.faces
+        pressing = self.pressing
+        area = self.areas[:count]
         middle = np.median(area[area > 0.0]) if area.any() else self.size**2  # edges are as stiff
         area = np.where(area > 0.0, np.maximum(area, 1e-6 * area.max()), middle)
-        compliance = np.outer(self.size / area, [1.0, 1.0 / SHEAR, 1.0 / SHEAR])
+        springs = [float(pressing)] * pressing + [1.0 / SHEAR] * (3 - pressing)
+        compliance = np.outer(self.size / area, springs)
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])
         friction = self.of_units("friction")
-        strength = self.of_units("cohesion") * self.areas + friction * self.given_force[:, 0]
+        given = self.given_force[:, :pressing].sum(axis=1)
+        strength = self.of_units("cohesion") * self.areas + friction * given
         strength[count:] = 0.5 * self.yields
         # Springs have no force as drawn, but the prestress of bars, before the ground moves.
         rest = self.given_force.copy()
         for k, bar in enumerate(self.bars, count):
-            rest[k, 1] += bar.tie.prestress
-            compliance[k, 1] = self.young / bar.tie.stiffness if bar.tie.stiffness else typical[1]
+            rest[k, pressing] += bar.tie.prestress
+            stiffness = bar.tie.stiffness
+            compliance[k, pressing] = self.young / stiffness if stiffness else typical[pressing]
         offset = compliance * rest
         if self.moved is not None:
             moved = self.young * self.moved * np.repeat([1.0, self.size], 3)
-            offset += np.asarray(self._motions @ moved.ravel()).reshape(offset.shape)
+            offset += np.asarray(self._motions @ moved.ravel())[self.rows]
         motion = self.relative_motion()
         weights = self.generalised(self.dead)
+        free = len(FREE[self.dimension])
         return FaceModel(
             motion=motion,
-            pressing=1,
+            pressing=pressing,
             dead=weights + np.asarray(motion.T @ self.given_force.ravel()),
             live=sign * self.generalised(self.live),
             strength=np.maximum(strength, 0.0),
             friction=friction,
             dilatancy=self.of_units("dilatancy"),
             compliance=compliance,
-            kappa=np.zeros(len(compliance)),
+            kappa=self._kappa,
             offset=offset if np.any(offset) else None,
-            components=3,
+            components=3 if self.dimension == 3 else 1,
             weights=weights,
-            block=np.repeat(np.arange(motion.shape[1] // 6), 6),
+            block=np.repeat(np.arange(motion.shape[1] // free), free),
         )
+
+    @cached_property
+    def _kappa(self) -> Array:
+        """1 / (2 L f_c) of faces in the plane, see `faces.model`; 0 in space, see `crushing`."""
+        kappa = np.zeros(len(self.areas))
+        if self.dimension == 2:
+            strength = self.areas[: self.faces] * self.of_points("compressive_strength")[::2]
+            kappa[: self.faces][self.crushes] = 0.5 / strength[self.crushes]
+        return kappa

@@ -29,7 +29,7 @@ from fenics_contact.errors import InputError, SolverError
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import limit_load, limit_load_of
 from fenics_contact.scene.scene import Scene, function_name
-from fenics_contact.scene.toml_tables import assign, read_toml, value_of
+from fenics_contact.scene.toml_tables import assign, is_of_blocks, read_toml, value_of
 from fenics_contact.workers import InPlace, Ranks, result_of
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
@@ -156,9 +156,9 @@ class Family:
             self.tables = read_toml(origin[0], self.comm, origin[1])
 
     @property
-    def in_space(self) -> bool:
-        """Whether the scenes have three dimensions."""
-        return self.tables.get("dimension") == 3
+    def of_blocks(self) -> bool:
+        """Whether the scenes are of rigid blocks without a mesh."""
+        return is_of_blocks(self.tables)
 
     def to_send(self) -> bytes:
         """The origin, as `Origin`, for another process.
@@ -190,7 +190,7 @@ class Family:
         tables = copied(self.tables)
         for key, value in values.items():
             assign(tables, key, value)
-        if self.in_space and not isinstance(self.origin, Scene):
+        if self.of_blocks and not isinstance(self.origin, Scene):
             from fenics_contact.spatial.scene import Scene as SpatialScene
 
             return SpatialScene.from_tables(tables, self.origin[0].parent)
@@ -357,7 +357,7 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
         values,
         result.status,
         **found,
-        displacements=0 if family.in_space else result.layout.size,
+        displacements=0 if family.of_blocks else result.layout.size,
         factorizations=result.factorizations,
         seconds=time.perf_counter() - start,
         reason=" ".join(reason.split()),

@@ -188,7 +188,7 @@ def run_sweep(
     # What is wrong in any scene is refused before the first is solved.
     scenes = [family.scene(values) for values in reversed(points)]
     tolerance = max(getattr(one.solve, "tolerance", SEARCH.usual_tolerance) for one in scenes)
-    if not family.in_space:
+    if not family.of_blocks:
         with Discretization(scenes[-1]) as made:
             made.check_pushed()
     tell = tell or (lambda done, total, point: None)
@@ -223,7 +223,7 @@ def run_sweep(
                 axes.set_title(plain(str(family.tables.get("title", "")), TITLE), fontsize=11)
                 figure.savefig(file, dpi=150)
             replace_file(folder / PICTURE, file.getvalue())
-    worst = None if family.in_space else done.worst
+    worst = None if family.of_blocks else done.worst
     if worst is not None and any(key.startswith("loads.") for key in worst.values):
         with closing(Structure()) as structure:
             result = solve(family.scene(worst.values), structure)
@@ -371,7 +371,7 @@ class Table:
 
 def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
     """What tells a sweep from others: version, scene, meshes and values. On one rank."""
-    table = "blocks" if family.in_space else "mesh"
+    table = "blocks" if family.of_blocks else "mesh"
     meshes = {str(family.tables.get(table, {}).get("file", ""))}
     for parameter in parameters:
         if f"{table}.file" in parameter.keys:

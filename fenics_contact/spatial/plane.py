@@ -1,0 +1,186 @@
+"""Scenes in the plane without a mesh: their blocks are prisms a metre deep between x and z.
+
+What people give as (x, y) is (x, 0, z), so that blocks, contacts, grounds, floors and loads are
+those of space; a positive rotation, counterclockwise, is one about -y. `Structure` takes of them
+what moves in the plane.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.errors import InputError, require, shown
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.outlines import outline_problem
+from fenics_contact.scene.rules import Checked, listed
+from fenics_contact.scene.toml_tables import from_table, refuse_unknown
+from fenics_contact.spatial.block_tables import built, called
+from fenics_contact.spatial.contacts import Contact
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.surfaces import Surface, blocks_of
+
+#: Keys of places and directions, (x, y), in the tables of a scene.
+VECTORS = (
+    *("loads.*.body", "loads.*.direction", "loads.*.traction.*", "loads.*.force.*.force"),
+    *("loads.*.force.*.at", "loads.*.movement.*.displacement", "sides.*.normal", "sides.*.point"),
+    *("ties.*.from", "ties.*.to", "ties.*.ground"),
+    *("foundations.*.plane.point", "foundations.*.plane.normal"),
+)
+#: Keys of heights, which are z in space.
+HEIGHTS = ("floors.*.y", "foundations.*.y")
+TURNS = ("loads.*.movement.*.rotation",)
+#: Builders that draw outlines; and those of space that make prisms, with what makes them so.
+DRAWN = ("facade", "bridge", "retaining_wall")
+BUILT: dict[str, tuple[str, dict[str, Any]]] = {
+    "wall": ("wall", {"thickness": 1.0}),
+    "arch": ("barrel_vault", {"length": 1.0, "strips": 1}),
+}
+#: From builders of space to the plane, m.
+MIDDLE = np.array([0.0, -0.5, 0.0])
+#: Of the motions of a block: velocities along x and y, and the counterclockwise rotation.
+MOTIONS = np.array([[1, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, -1, 0]])
+
+
+def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """The tables of a scene in the plane as those of one in space, but for its blocks.
+
+    Raises:
+        InputError: If a place or direction has not two numbers.
+    """
+    found: dict[str, Any] = {}
+    for name, value in tables.items():
+        key = f"{place}.{name}" if place else name
+        if _is(key, HEIGHTS):
+            found["z"] = value
+        elif _is(key, [height[:-1] + "z" for height in HEIGHTS]):
+            raise InputError(f"{key}: heights in the plane are y; give {key[:-1]}y")
+        elif _is(key, VECTORS) and isinstance(value, list):
+            require(len(value) == 2, f"{key} = {shown(value)} must be two numbers, x and y")
+            found[name] = [value[0], 0.0, value[1]]
+        elif _is(key, TURNS) and isinstance(value, int | float):
+            found[name] = [0.0, -value, 0.0]
+        else:
+            found[name] = in_space(value, key) if isinstance(value, Mapping) else value
+    return found
+
+
+def in_plane(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """The reverse of `in_space`."""
+    found: dict[str, Any] = {}
+    for name, value in tables.items():
+        key = f"{place}.{name}" if place else name
+        if _is(key, [height[:-1] + "z" for height in HEIGHTS]):
+            found["y"] = value
+        elif _is(key, VECTORS) and value is not None:
+            found[name] = (value[0], value[2])
+        elif _is(key, TURNS):
+            found[name] = -value[1]
+        else:
+            found[name] = in_plane(value, key) if isinstance(value, Mapping) else value
+    return found
+
+
+def _is(key: str, patterns: Sequence[str]) -> bool:
+    """Whether a key is of one of some patterns, which have as many parts."""
+    parts = key.count(".")
+    return any(parts == p.count(".") and fnmatchcase(key, p) for p in patterns)
+
+
+def upright(contact: Contact) -> Contact:
+    """A contact with its first tangent in the plane, the second one along y."""
+    normal = contact.axes[0]
+    across = np.array([0.0, 1.0, 0.0])
+    return replace(contact, axes=np.array([normal, np.cross(across, normal), across]))
+
+
+# ---- blocks
+
+
+def prism(outline: Any, name: str = "", group: str = "default", fixed: bool = False) -> Block:
+    """A block a metre deep with an outline, m, shape (corners, 2), either way round.
+
+    Raises:
+        InputError: If the outline crosses itself, or has no area.
+    """
+    corners = np.array(outline, dtype=float)
+    right = corners.ndim == 2 and corners.shape[1] == 2 and np.isfinite(corners).all()
+    require(bool(right), f"block '{name}': a polygon is a list of finite points [x, y]")
+    problem = outline_problem(corners)
+    require(not problem, f"block '{name}' {problem}")
+    front, back = (np.insert(corners, 1, y, axis=1) for y in (-0.5, 0.5))
+    sides = np.stack([front, np.roll(front, -1, axis=0), np.roll(back, -1, axis=0), back], axis=1)
+    surface = Surface(name, [front, back, *sides], group, fixed)
+    return blocks_of(surface, "blocks", Counter())[0]
+
+
+def prisms(outlines: Sequence[Array], groups: Sequence[str]) -> tuple[Block, ...]:
+    """Blocks of a drawing, called by their groups and numbers."""
+    count: Counter[str] = Counter()
+    blocks = []
+    for outline, group in zip(outlines, groups, strict=True):
+        count[group] += 1
+        blocks.append(prism(outline, f"{group}_{count[group]}", group))
+    return tuple(blocks)
+
+
+@dataclass(frozen=True)
+class _Polygon(Checked):
+    """A table [blocks.NAME]: corners in m."""
+
+    polygon: tuple[tuple[float, float], ...]
+    group: str = "default"
+    fixed: bool = False
+
+
+def blocks_of_table(
+    table: Mapping[str, Any], folder: Path
+) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
+    """Blocks of the table [blocks]: of a DXF drawing, of a builder, or one by one.
+
+    Returns:
+        The blocks; of a drawing how many were read, and what was left out.
+
+    Raises:
+        InputError: If they are wrong.
+    """
+    if isinstance(file := table.get("file"), str):
+        refuse_unknown("blocks", table, {"file", "unit"})
+        read = import_module("fenics_contact.drawing").read_dxf(folder / file, table.get("unit"))
+        blocks = prisms(read.drawing.blocks, read.drawing.names)
+        return blocks, f"{file}: {len(blocks)} blocks", read.notes
+    if isinstance(name := table.get("builder"), str):
+        return _built(name, {k: v for k, v in table.items() if k != "builder"}), "", ()
+    shapes = {name: from_table(_Polygon, item, f"blocks.{name}") for name, item in table.items()}
+    return tuple(
+        prism(shape.polygon, name, shape.group, shape.fixed) for name, shape in shapes.items()
+    ), "", ()
+
+
+def _in_middle(block: Block) -> Block:
+    """A block of a builder of space, half of it on either side of the plane."""
+    pieces = (Polyhedron(piece.corners + MIDDLE, piece.sides) for piece in block.pieces)
+    return replace(block, pieces=tuple(pieces))
+
+
+def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
+    """Blocks by a builder."""
+    known = [*DRAWN, *BUILT]
+    require(name in known, f"blocks.builder = '{name}' must be one of {listed(known)}")
+    if name in BUILT:
+        kind, fixed = BUILT[name]
+        again = sorted(fixed.keys() & given.keys())
+        text = f"blocks.{min(again, default='')}: structures in the plane are a metre deep"
+        require(not again, text)
+        return tuple(map(_in_middle, built(kind, {**given, **fixed})))
+    function = getattr(import_module("fenics_contact.builders"), name)
+    pairs = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+    drawn = called(name, function, pairs)
+    return prisms(drawn.blocks, drawn.names)
