@@ -17,13 +17,13 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import law_matrices, mean_shear_modulus
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
+from fenics_contact.lazily import fem
 from fenics_contact.results.history import Pass
 from fenics_contact.results.result import Result
 from fenics_contact.results.values import Contact

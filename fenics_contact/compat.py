@@ -10,6 +10,7 @@ import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,19 @@ from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import cpp, fem, io, jit, la, mesh
-from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
 
-#: Whether meshes are asked for a ghost mode; else it is the partitioner's.
-WITH_GHOST_MODE = "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
+from fenics_contact.lazily import cpp, dolfinx_graph, dolfinx_mesh, fem, io, jit, la, ufl
+
 #: Nodes of the straight-sided planar cells, by dolfinx's name.
 NODES = {"triangle": 3, "quadrilateral": 4}
+
+
+@cache
+def with_ghost_mode() -> bool:
+    """Whether meshes are asked for a ghost mode; else it is the partitioner's."""
+    return "ghost_mode" in inspect.signature(dolfinx_mesh.create_mesh).parameters
 
 
 def versions() -> dict[str, str]:
@@ -80,7 +84,7 @@ def create_mesh(
     cells: npt.NDArray[np.int64],
     points: npt.NDArray[np.float64],
     partition: Partition | None,
-) -> tuple[mesh.Mesh, Partition]:
+) -> tuple[dolfinx_mesh.Mesh, Partition]:
     """Distribute a mesh given on one rank (the others pass empty arrays), without ghost cells.
 
     Args:
@@ -93,14 +97,14 @@ def create_mesh(
     Returns:
         The mesh, and the partition that makes it again.
     """
-    cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
+    cells = cells[:, cpp.io.perm_gmsh(getattr(dolfinx_mesh.CellType, cell_name), cells.shape[1])]
     if partition is not None:
         return _created(comm, cell_name, cells, points, partition), partition
-    mode = () if WITH_GHOST_MODE else (mesh.GhostMode.none,)
+    mode = () if with_ghost_mode() else (dolfinx_mesh.GhostMode.none,)
     try:
-        graph_partition = mesh.create_cell_partitioner(*mode)
+        graph_partition = dolfinx_mesh.create_cell_partitioner(*mode)
     except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
-        graph_partition = mesh.create_cell_partitioner(*mode, 2)
+        graph_partition = dolfinx_mesh.create_cell_partitioner(*mode, 2)
     made = []
 
     def partitioner(*given: Any) -> Any:
@@ -113,14 +117,14 @@ def create_mesh(
 
 def create_mesh_in_place(
     comm: MPI.Comm, cells: npt.NDArray[np.int64], points: npt.NDArray[np.float64]
-) -> mesh.Mesh:
+) -> dolfinx_mesh.Mesh:
     """A mesh of triangles without ghost cells, every cell on the rank that gives it.
 
     `cells` count the points of all ranks, shape (cells, 3); `points` are coordinates, shape
     (points, 2).
     """
     stay = Partition.to(np.full(len(cells), comm.rank, dtype=np.int32))
-    partitioner = _staying if WITH_GHOST_MODE else stay
+    partitioner = _staying if with_ghost_mode() else stay
     return _created(comm, "triangle", cells, points, partitioner)
 
 
@@ -136,11 +140,13 @@ def _created(comm: MPI.Comm, cell_name: str, cells: Any, points: Any, partitione
         import basix.ufl
 
         domain = ufl.Mesh(basix.ufl.element("Lagrange", cell_name, 1, shape=(2,)))
-    if WITH_GHOST_MODE:
-        return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
-    given = list(inspect.signature(mesh.create_mesh).parameters)
+    if with_ghost_mode():
+        return dolfinx_mesh.create_mesh(
+            comm, cells, points, domain, dolfinx_mesh.GhostMode.none, partitioner
+        )
+    given = list(inspect.signature(dolfinx_mesh.create_mesh).parameters)
     geometry = (points, domain) if given[2] == "x" else (domain, points)
-    return mesh.create_mesh(comm, cells, *geometry, partitioner)
+    return dolfinx_mesh.create_mesh(comm, cells, *geometry, partitioner)
 
 
 def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:
@@ -169,7 +175,9 @@ def arguments_of(function: Callable[..., Any]) -> int:
     return len([one for one in asked if one.kind in kinds and one.default is one.empty])
 
 
-def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+def function_space(
+    domain: dolfinx_mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()
+) -> Any:
     """Scalar or vector Lagrange ("Lagrange") or discontinuous ("DG") space."""
     if hasattr(fem, "functionspace"):
         return fem.functionspace(domain, (family, degree, shape) if shape else (family, degree))
@@ -183,14 +191,14 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
     return _rows(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
 
 
-def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+def geometry_dofs(domain: dolfinx_mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
     tables = getattr(domain.geometry, "dofmaps", None)  # of dolfinx 0.11: one per kind of cell
     table = tables[0] if isinstance(tables, list) else domain.geometry.dofmap
     return _rows(table, NODES[domain.topology.cell_type.name])
 
 
-def same_topology(tags: Any, domain: mesh.Mesh) -> bool:
+def same_topology(tags: Any, domain: dolfinx_mesh.Mesh) -> bool:
     """Whether mesh tags are those of a mesh; AttributeError where they are no mesh tags."""
     of_tags = getattr(tags, "mesh", tags).topology
     topology = domain.topology

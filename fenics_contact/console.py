@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -435,10 +435,12 @@ def law_text(law: JointLaw, units: Units) -> str:
     return text + (f", gaps up to {units.length(law.gap)}" if law.gap else "")
 
 
-def tie_text(tie: Bar, units: Units, per: str = "N") -> str:
-    """Ends of a tie, and what it carries, as given in a unit of forces."""
+def tie_text(
+    tie: Bar, units: Units, per: str = "N", told: Callable[[Any], Any] = lambda place: place
+) -> str:
+    """Ends of a tie, of places what is told, and what it carries, as given in a unit of forces."""
     ends = [
-        units.place(end, 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
+        units.place(told(end), 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
         for end in (tie.from_, tie.ground or tie.to)
     ]
     text = f"from {ends[0]} to {'the ground at ' if tie.ground else ''}{ends[1]}"

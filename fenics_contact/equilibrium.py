@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from dolfinx import fem
 
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.reasons import within
@@ -28,6 +27,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.lazily import fem
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_service_state
 from fenics_contact.output.pictured import Pictured

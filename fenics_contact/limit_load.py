@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from dolfinx import fem
 
 from fenics_contact.accuracy import to_accuracy
 from fenics_contact.answers.question import answered, begun, of_curve
@@ -33,6 +32,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.lazily import fem
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from dolfinx.mesh import exterior_facet_indices
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
+from fenics_contact.lazily import dolfinx_mesh
 
 #: In place of a facet, node or body where rigid ground is.
 GROUND = -1
@@ -167,7 +167,7 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     topology = domain.topology
     for dims in ((1, 2), (2, 1)):
         topology.create_connectivity(*dims)
-    local_facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
+    local_facets = np.asarray(dolfinx_mesh.exterior_facet_indices(topology), dtype=np.int32)
     to_cell = topology.connectivity(1, 2)
     cell = to_cell.array[to_cell.offsets[local_facets]]
     geometry = compat.geometry_dofs(domain)[cell]

@@ -17,26 +17,19 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx import mesh as dolfinx_mesh
 from mpi4py import MPI
 from petsc4py import PETSc
-from ufl.algorithms import compute_form_data
-from ufl.algorithms.check_arities import ArityMismatch
-from ufl.constantvalue import Zero
-from ufl.corealg.traversal import traverse_unique_terminals
-from ufl.domain import extract_domains
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import BlockMesh, Labels, Names
+from fenics_contact.lazily import dolfinx_mesh, fem, ufl
 from fenics_contact.scene.scene import LoadForm, Scene
 from fenics_contact.solvers import compiled
 
 #: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
-Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
+Law: TypeAlias = Any  # fem.Function, or two of them
 
 
 def strain(u: Any) -> Any:
@@ -228,40 +221,10 @@ class Groups:
         return {number for number, names in enumerate(self.sets) if name in names}
 
 
-class GroupMeasure(ufl.Measure):
-    """A measure over the blocks; `measure("back")` and `measure(("back", "top"))` are over groups.
-
-    Attributes:
-        groups: The groups.
-    """
-
-    def __init__(self, plain: ufl.Measure, groups: Groups) -> None:
-        """A measure of UFL, with names."""
-        super().__init__(
-            plain.integral_type(),
-            plain.ufl_domain(),
-            plain.subdomain_id(),
-            plain.metadata(),
-            plain.subdomain_data(),
-        )
-        self.groups = groups
-
-    def __call__(self, subdomain_id: Any = None, *more: Any, **options: Any) -> GroupMeasure:
-        """The measure over a group or several, or with other options of UFL."""
-        if isinstance(subdomain_id, (str, int, tuple)):
-            names = subdomain_id if isinstance(subdomain_id, tuple) else (subdomain_id,)
-            none = len(self.groups.sets)  # a number that no cell or facet has
-            found = sorted(set().union(*map(self.groups.numbers, names))) or [none]
-            subdomain_id = tuple(found)
-        return super().__call__(subdomain_id, *more, **options)  # type: ignore[no-any-return]
-
-    def reconstruct(self, *changes: Any, **options: Any) -> GroupMeasure:
-        """UFL asks for a measure with changes here."""
-        return GroupMeasure(super().reconstruct(*changes, **options), self.groups)
-
-
-def measures(mesh: BlockMesh, boundary: Boundary) -> tuple[GroupMeasure, GroupMeasure]:
+def measures(mesh: BlockMesh, boundary: Boundary) -> tuple[Any, Any]:
     """Dx over the blocks and ds over their edges, joints among these, with names of groups."""
+    from fenics_contact.discretization.group_measure import GroupMeasure
+
     domain = mesh.domain
     cells = np.arange(len(mesh.cell_groups), dtype=np.int32)
     order = np.argsort(boundary.local_facets)
@@ -321,7 +284,9 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
     if not isinstance(form, ufl.Form):
         example = "ufl.inner(traction, v) * ds('back')"
         raise InputError(f"{key} returned a {type(form).__name__}; return a form such as {example}")
-    form = ufl.Form([one for one in form.integrals() if not isinstance(one.integrand(), Zero)])
+    form = ufl.Form(
+        [one for one in form.integrals() if not isinstance(one.integrand(), ufl.constantvalue.Zero)]
+    )
     # No other measures than those that are known, and no other meshes.
     tags = {measure.integral_type(): measure.subdomain_data() for measure in known}
     for integral in form.integrals():
@@ -331,19 +296,21 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
         if kind not in tags or not (everywhere or data is tags[kind]):
             raise InputError(f"{key} has a measure of its own; use dx and ds, which it is given")
         used = {integral.ufl_domain()}
-        for terminal in traverse_unique_terminals(integral.integrand()):
-            used.update(extract_domains(terminal))
+        for terminal in ufl.corealg.traversal.traverse_unique_terminals(integral.integrand()):
+            used.update(ufl.domain.extract_domains(terminal))
         if used != {known[0].ufl_domain()}:
             raise InputError(
                 f"{key} uses another mesh than that of its blocks, scene.mesh.domain; take it from"
                 " the measure, dx.ufl_domain()"
             )
     problem = f"{key} must be linear in the test function v that it is given"
+    # The last one is no Exception in newer versions of UFL.
+    refused = Exception, ufl.algorithms.check_arities.ArityMismatch
     try:
         arguments = form.arguments()
         if not form.empty():
-            compute_form_data(form)
-    except (Exception, ArityMismatch) as error:  # the last is no Exception in newer versions of UFL
+            ufl.algorithms.compute_form_data(form)
+    except refused as error:
         raise InputError(f"{problem}: {error}") from error
     if arguments != (v,) and not form.empty():
         raise InputError(f"{problem}, and in no other; it has {len(arguments)} arguments")

@@ -32,7 +32,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
@@ -49,6 +48,7 @@ from fenics_contact.discretization.facets import (
 from fenics_contact.discretization.forms import given_load
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.lazily import fem
 from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene, Soil
 
 

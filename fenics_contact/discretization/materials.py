@@ -19,15 +19,12 @@ from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from ufl.corealg.traversal import traverse_unique_terminals
-from ufl.domain import extract_domains
 
 from fenics_contact import compat
 from fenics_contact.discretization.forms import Law
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, BlockMesh
+from fenics_contact.lazily import fem, ufl
 from fenics_contact.scene.scene import Material, Scene, StressLaw
 
 #: Points of Gauss' rule over a wedge: E(t) may change a hundredfold.
@@ -167,8 +164,8 @@ def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
         varies = {}
         for name, given in stresses.items():
             domains: set[Any] = set()
-            for terminal in traverse_unique_terminals(given):
-                domains.update(extract_domains(terminal))
+            for terminal in ufl.corealg.traversal.traverse_unique_terminals(given):
+                domains.update(ufl.domain.extract_domains(terminal))
             if domains - {place.ufl_domain()}:
                 raise InputError(
                     f"{OF.format(name)} uses another mesh than that of its blocks,"

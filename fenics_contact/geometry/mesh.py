@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx.mesh import Mesh
 from mpi4py import MPI
 
 from fenics_contact import compat
@@ -32,6 +31,7 @@ from fenics_contact.geometry.gmsh_mesh import (
     with_blocks,
 )
 from fenics_contact.geometry.planar_cells import check_apart
+from fenics_contact.lazily import dolfinx_mesh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -316,7 +316,7 @@ def _dolfinx_contents(
         InputError: On all ranks, if this is not a planar mesh, its tags or their names.
     """
     text = f"mesh = {type(domain).__name__} must be a dolfinx.mesh.Mesh"
-    require(isinstance(domain, Mesh), text)
+    require(isinstance(domain, dolfinx_mesh.Mesh), text)
     topology = domain.topology
     cell = topology.cell_type.name
     dim = domain.geometry.dim

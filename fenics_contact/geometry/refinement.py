@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from dolfinx.mesh import exterior_facet_indices
 from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, StoredMesh
+from fenics_contact.lazily import dolfinx_mesh
 
 #: Facets coincide when their middles and lengths agree to this fraction of their length.
 COINCIDING = 1e-4
@@ -111,7 +111,7 @@ def _closed(table: _Sides, cells: Flags) -> Flags:
 
     comm = table.domain.comm
     topology = table.domain.topology
-    exterior = np.asarray(exterior_facet_indices(topology), dtype=np.int64)
+    exterior = np.asarray(dolfinx_mesh.exterior_facet_indices(topology), dtype=np.int64)
     # Of every side at boundaries, all ranks in a row, that which coincides with it, or itself.
     ends = table.points[exterior]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)

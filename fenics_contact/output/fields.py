@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 from mpi4py import MPI
 
 from fenics_contact import compat
@@ -19,6 +18,7 @@ from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout, ground_motion
 from fenics_contact.discretization.materials import cell_field
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.lazily import fem
 from fenics_contact.output.folder import writing
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.values import Contact, JointValues

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.forms import GroupMeasure, measures, stress_of
+from fenics_contact.discretization.forms import measures, stress_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError, checked, plain
 from fenics_contact.geometry.mesh import Array
@@ -210,7 +210,7 @@ class Pictured(ABC):
         layout = self.layout
         return stress_of(displacement_function(layout, values, "elastic"), layout.law)
 
-    def measures(self) -> tuple[GroupMeasure, GroupMeasure]:
+    def measures(self) -> tuple[Any, Any]:
         """UFL's dx over the blocks and ds over their edges, both faces of joints among these.
 
         They take names of groups: `dx("stone")`, `ds(("back", "top"))`.

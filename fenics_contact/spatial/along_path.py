@@ -43,7 +43,7 @@ def curve_of(
     Points are denser at first, where the path bends. Those that were not found, or are not
     verified, have nan.
     """
-    last = _plateau(path)
+    last = _plateau(path) if count else 0.0
     points = []
     for part in (np.arange(1, count + 1) / count) ** 1.5:
         state: Iterate | None = None

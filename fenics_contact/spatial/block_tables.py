@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fnmatch
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -169,9 +168,11 @@ def called(name: str, builder: Callable[..., Any], given: Mapping[str, Any]) -> 
     """
     inner = getattr(builder, "__wrapped__", builder)
     inner = getattr(inner, "__wrapped__", inner)
-    known = inspect.signature(inner).parameters
+    code = inner.__code__
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     refuse_unknown("blocks", given, known)
-    missing = sorted(k for k, one in known.items() if one.default is one.empty and k not in given)
+    usual = known[code.co_argcount - len(inner.__defaults__ or ()) : code.co_argcount]
+    missing = sorted(set(known) - {*usual, *(inner.__kwdefaults__ or ()), *given})
     text = f"blocks.{min(missing, default='')} is missing; the builder '{name}' needs it"
     require(not missing, text)
     try:

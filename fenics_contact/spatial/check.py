@@ -9,9 +9,11 @@ import numpy as np
 
 from fenics_contact.console import law_text, tie_text
 from fenics_contact.discretization.warnings import unusual_values
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import NAMED
 from fenics_contact.scene.rules import listed
+from fenics_contact.scene.units import PER_METRE
 from fenics_contact.spatial.scene import Scene
 from fenics_contact.spatial.structure import Structure
 
@@ -19,6 +21,10 @@ from fenics_contact.spatial.structure import Structure
 def description(scene: Scene, structure: Structure) -> str:
     """Blocks, contacts, ties, floors and sums of loads, in lines."""
     units = scene.units
+
+    def resultant(force: Array) -> str:
+        return units.forces(structure.told(force.sum(axis=0)).tolist())
+
     moving = [block for block in structure.blocks if not block.fixed]
     fixed = len(structure.blocks) - len(moving)
     volume = sum(block.volume for block in moving)
@@ -38,20 +44,24 @@ def description(scene: Scene, structure: Structure) -> str:
         found = f"{counted(len(areas), 'contact')}, area {sum(areas):.6g} m2"
         text = f"{law_text(law, units)}, {found}" if law.acts else "off: carries nothing"
         lines.append(f"{kind[:-1]} {name}: {text}")
-    lines += [f"tie {name}: {tie_text(tie, units)}" for name, tie in scene.ties.items()]
+    force = f"N {PER_METRE}" if scene.dimension == 2 else "N"
+    for name, tie in scene.ties.items():
+        text = tie_text(tie, units, force, lambda place: structure.told(np.array(place)))
+        lines.append(f"tie {name}: {text}")
+    up = "y" if scene.dimension == 2 else "z"
     for name, floor in scene.floors.items():
         more = ", with its mass" if floor.mass else ""
-        lines.append(
-            f"floor {name}: {units.text(floor.force, 'N/m2')} at z = {units.length(floor.z)}{more}"
-        )
+        weight = units.text(floor.force, "N/m2")
+        lines.append(f"floor {name}: {weight} at {up} = {units.length(floor.z)}{more}")
     for name, movement in scene.dead.movement.items():
-        turned = ", ".join(f"{angle:g}" for angle in movement.rotation)
-        moved = units.place(movement.displacement, 6)
-        lines.append(f"{name} moves by {moved}, turns by ({turned}) degrees")
+        motion = structure.told_motions(np.array([[*movement.displacement, *movement.rotation]]))[0]
+        moved, turn = np.split(motion, [scene.dimension])
+        turned = ", ".join(f"{angle:g}" for angle in turn)
+        lines.append(f"{name} moves by {units.place(moved, 6)}, turns by ({turned}) degrees")
     for key, one in structure.acting.items():
-        lines.append(f"{key}: on {one.on}, resultant {units.forces(one.force.sum(axis=0))}")
+        lines.append(f"{key}: on {one.on}, resultant {resultant(one.force)}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):
-        lines.append(f"{name} load: resultant {units.forces(load[:, :3].sum(axis=0))}")
+        lines.append(f"{name} load: resultant {resultant(load[:, :3])}")
     return "\n".join(lines)
 
 

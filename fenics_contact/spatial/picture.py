@@ -78,6 +78,8 @@ def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = (
     from matplotlib.lines import Line2D
 
     turns = {name: axes_to(eye) for name, eye in VIEWS.items()}
+    if result.structure.dimension == 2:
+        turns = {"": axes_to(VIEWS["front (x, z)"])}
     for view in views_of(result).values():
         name = f"collapse{view.suffix}"
         with drawing(name):
@@ -86,7 +88,7 @@ def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = (
             scale = LARGEST / max(widths.max(), heights.max())
             shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
             figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
-            panels = figure.subplots(1, len(turns), width_ratios=widths)
+            panels = figure.subplots(1, len(turns), width_ratios=widths, squeeze=False)[0]
             for axes, (title, turn) in zip(panels, turns.items(), strict=True):
                 draw_view(axes, view, turn)
                 axes.set_title(title, fontsize=9)

@@ -11,13 +11,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.errors import InputError, require, shown
+from fenics_contact.geometry import builders
+from fenics_contact.geometry.dxf.blocks import read_dxf
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.scene.rules import Checked, listed
@@ -45,8 +46,6 @@ BUILT: dict[str, tuple[str, dict[str, Any]]] = {
 }
 #: From builders of space to the plane, m.
 MIDDLE = np.array([0.0, -0.5, 0.0])
-#: Of the motions of a block: velocities along x and y, and the counterclockwise rotation.
-MOTIONS = np.array([[1, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, -1, 0]])
 
 
 def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
@@ -79,6 +78,8 @@ def in_plane(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
         key = f"{place}.{name}" if place else name
         if _is(key, [height[:-1] + "z" for height in HEIGHTS]):
             found["y"] = value
+        elif _is(key, HEIGHTS):
+            continue  # of a floor in space: from where to where it reaches
         elif _is(key, VECTORS) and value is not None:
             found[name] = (value[0], value[2])
         elif _is(key, TURNS):
@@ -153,15 +154,19 @@ def blocks_of_table(
     """
     if isinstance(file := table.get("file"), str):
         refuse_unknown("blocks", table, {"file", "unit"})
-        read = import_module("fenics_contact.drawing").read_dxf(folder / file, table.get("unit"))
+        read = read_dxf(folder / file, table.get("unit"))
         blocks = prisms(read.drawing.blocks, read.drawing.names)
         return blocks, f"{file}: {len(blocks)} blocks", read.notes
     if isinstance(name := table.get("builder"), str):
         return _built(name, {k: v for k, v in table.items() if k != "builder"}), "", ()
     shapes = {name: from_table(_Polygon, item, f"blocks.{name}") for name, item in table.items()}
-    return tuple(
-        prism(shape.polygon, name, shape.group, shape.fixed) for name, shape in shapes.items()
-    ), "", ()
+    return (
+        tuple(
+            prism(shape.polygon, name, shape.group, shape.fixed) for name, shape in shapes.items()
+        ),
+        "",
+        (),
+    )
 
 
 def _in_middle(block: Block) -> Block:
@@ -180,7 +185,7 @@ def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
         text = f"blocks.{min(again, default='')}: structures in the plane are a metre deep"
         require(not again, text)
         return tuple(map(_in_middle, built(kind, {**given, **fixed})))
-    function = getattr(import_module("fenics_contact.builders"), name)
+    function = getattr(builders, name)
     pairs = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
     drawn = called(name, function, pairs)
     return prisms(drawn.blocks, drawn.names)

@@ -88,7 +88,7 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     return {
         **first,
         "status": result.status,
-        "dimension": 3,
+        "dimension": structure.dimension,
         "title": result.scene.title,
         "answer": {"question": words.question, "found": found, "more": more},
         "load_factor": result.load_factor,
@@ -139,7 +139,9 @@ def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float)
     limit = collapse.status == "limit"
     mode = collapse.mode
     moves = (
-        {**mechanism_record(view), "motion": mode.tolist()} if limit and mode is not None else {}
+        {**mechanism_record(view), "motion": view.structure.told_motions(mode).tolist()}
+        if limit and mode is not None
+        else {}
     )
     falling = list(collapse.falling)
     known = vars(collapse).items()
@@ -175,12 +177,15 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     for block in moving:
         volumes[block.group].append(block.volume)
     extent = np.array([block.extent for block in moving])
-    size = extent[:, 1].max(axis=0) - extent[:, 0].min(axis=0)
+    size = dict(zip(("width", "depth", "height"), np.ptp(extent, axis=(0, 1)), strict=True))
+    if structure.dimension == 2:
+        size.pop("depth")
     return {
         **result.scene.record(),
-        "size": dict(zip(("width", "depth", "height"), size.tolist(), strict=True)),
+        "thickness": result.scene.thickness,
+        "size": size,
         "resultants": {
-            name: (getattr(structure, name)[:, :3].sum(axis=0) + 0.0).tolist()
+            name: structure.told(getattr(structure, name)[:, :3].sum(axis=0)).tolist()
             for name in ("dead", "live")
         },
         "contacts": [

@@ -134,13 +134,15 @@ class SpatialWording(Wording):
         return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
 
 
-def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
+def wording_of(scene: Any, structure: Structure, both: bool) -> Wording:
     """How the load factors of a scene are told; `scene` is None for a structure alone."""
     resultant = structure.live[:, :3].sum(axis=0).tolist()
     if scene is None:
         return SpatialWording(Units("SI", 1.0), load=math.hypot(*resultant), both=both)
     push = scene.live.acceleration
     along = push / (np.linalg.norm(push) or 1.0)
+    if structure.dimension == 2:
+        along = np.eye(3)[0]
     loads = {}
     for name in ("dead", "live"):  # in the upright plane of the push
         load = getattr(scene, name)
@@ -152,7 +154,10 @@ def wording_of(scene: Any, structure: Structure, both: bool) -> SpatialWording:
         loads[name] = {**vars(load), "body": body, "traction": traction}
     floors = {name: vars(floor) for name, floor in scene.floors.items()}
     asked = {name for name, value in vars(scene.solve).items() if value is True}
-    more = {"both": both, "direction": tuple(along.tolist()), "asked": asked}
+    more = {"both": both, "asked": asked}
+    if structure.dimension == 2:
+        return Wording.of(loads, floors, resultant, scene.units, **more)
+    more["direction"] = tuple(along.tolist())
     return SpatialWording.of(loads, floors, resultant, scene.units, **more)
 
 
@@ -185,7 +190,7 @@ class SpatialLimit(ByDirection[SpatialCollapse]):
         return next((c.stopped for c in self.ends.values() if c.stopped), "")
 
     @property
-    def wording(self) -> SpatialWording:
+    def wording(self) -> Wording:
         """How its load factors are told."""
         return wording_of(self.scene, self.structure, both=len(self.ends) > 1)
 

@@ -103,6 +103,16 @@ class Structure:
         """Pressing forces of a unit."""
         return 4 - self.dimension
 
+    def told(self, vectors: Array) -> Array:
+        """Vectors, shape (., 3), with the components that people give: x and z in the plane."""
+        return np.asarray(vectors[..., :: self.pressing] + 0.0)
+
+    def told_motions(self, mode: Array) -> Array:
+        """Motions of blocks, shape (blocks, 6); in the plane (blocks, 3), counterclockwise."""
+        if self.dimension == 3:
+            return mode
+        return np.asarray(mode[:, FREE[2]] * [1.0, 1.0, -1.0] + 0.0)
+
     @cached_property
     def rows(self) -> Indices:
         """Which motions along axes of points and bars, three of each, are of units, (units, 3)."""

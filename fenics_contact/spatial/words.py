@@ -180,7 +180,8 @@ def _motion(view: SpatialView, those: Flags, slides: bool) -> str:
         if abs(axis - level) < NEAR * size:
             verb, way = ("swings", _way(-over)) if name == "its top" else ("turns", _way(over))
             return f"{verb} about {name} to {way}{twists}"
-    about = f" about an axis at z = {axis:.3g} m" * bool(ground < axis < crown)
+    up = "y" if view.structure.dimension == 2 else "z"
+    about = f" about an axis at {up} = {axis:.3g} m" * bool(ground < axis < crown)
     return f"turns to {_way(over)}{about}{twists}"
 
 

@@ -24,7 +24,7 @@ TREES = {
 
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
-    {"errors", "compat", "requirements", "search_options", "version", "workers"},
+    {"errors", "compat", "lazily", "requirements", "search_options", "version", "workers"},
     {"geometry"},
     {"scene"},
     {"discretization"},

@@ -110,14 +110,14 @@ def first_page(content: Content) -> Iterator[str]:
     rows = list(_assumptions(record, content.units))
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
-    beside = size["height"] > TALL * size["width"] and not in_space(record)  # with three views
+    beside = size["height"] > TALL * size["width"] and not of_blocks(record)  # with three views
     height = PICTURE.beside if beside else PICTURE.above(rows, [*how, *decides])
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
         negative = direction == "negative" and len(ends) == 2
         caption = PICTURES["collapse_negative" if negative else "collapse"]
-        number = "" if in_space(record) else ", by number"
+        number = "" if of_blocks(record) else ", by number"
         if status == "unstable":
             caption = f"Blocks that move under the dead load{number}."
         elif ends[direction]["status"] == "unbounded":
@@ -138,9 +138,9 @@ def _collapses(record: Record) -> Iterator[str]:
             before = words
 
 
-def in_space(record: Record) -> bool:
-    """Whether a result is of blocks in space."""
-    return bool(record.get("dimension") == 3)
+def of_blocks(record: Record) -> bool:
+    """Whether a result is of rigid blocks without a mesh."""
+    return "contacts" in record["mesh"]
 
 
 def sentence(words: str) -> str:
@@ -157,7 +157,7 @@ def wording(record: Record) -> Wording:
 
 def way_of(record: Record, direction: str) -> str:
     """Where the live load pushes."""
-    known: str = record["ways"][direction] if in_space(record) else wording(record).way(direction)
+    known: str = record["ways"][direction] if of_blocks(record) else wording(record).way(direction)
     return known
 
 
@@ -170,7 +170,7 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         if name in scene["size"]
     )
     size = f"{width} wide, {deep[0]} deep and" if deep else f"{width} wide and"
-    count = record["mesh"]["floating_bodies" if deep else "bodies"]  # in space: without ground
+    count = record["mesh"]["floating_bodies" if of_blocks(record) else "bodies"]  # without ground
     yield "blocks", f"{count}, together {size} {height} high"
     if thickness := scene.get("thickness"):
         yield "thickness", f"{units.length(thickness)}; forces are those of all of it"
@@ -178,7 +178,7 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         yield "thickness", "not given; forces are per metre of thickness"
     yield "dead load", units.forces(scene["resultants"]["dead"], 4)
     live = units.forces(scene["resultants"]["live"], 4)
-    same = record["acceleration"] if in_space(record) else wording(record).acceleration
+    same = record["acceleration"] if of_blocks(record) else wording(record).acceleration
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
     dead = scene["loads"]["dead"]
@@ -221,8 +221,8 @@ def floor_text(one: Record, units: Units) -> str:
     """Weight of a floor, where it lies, and whether the live load takes it along."""
     weight = units.text(one["force"], "N/m2")
     mass = f"{'with' if one['mass'] else 'without'} its mass"
-    if "z" in one:
-        return f"{weight} at z = {units.length(one['z'])}, {mass}"
+    for up in {"z", "y"} & one.keys() if not one.get("x") and not one.get("at") else ():
+        return f"{weight} at {up} = {units.length(one[up])}, {mass}"
     if units.thickness:
         weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
     where = f"on {one.get('at')}"

@@ -19,7 +19,7 @@ from fenics_contact.output.report.answer import (
     first_page,
     floor_text,
     how_it_fails,
-    in_space,
+    of_blocks,
     way_of,
 )
 from fenics_contact.output.report.content import (
@@ -174,7 +174,7 @@ def pdf_of(writer: Any, page: str) -> bytes:
 def report_page(content: Content) -> str:
     """The page on a result, as HTML."""
     parts: list[str] = []
-    for section, kind in (IN_SPACE if in_space(content.record) else SECTIONS).items():
+    for section, kind in (IN_SPACE if of_blocks(content.record) else SECTIONS).items():
         parts.append(f'<section class="{kind}">' if kind else "<section>")
         parts += [*section(content), "</section>"]
     return _page(content.record["title"] or "Limit load", [*parts, f"<script>{SCRIPT}</script>"])
@@ -278,7 +278,7 @@ def load_factors(content: Content) -> Iterator[str]:
     per = "tension" if units.thickness else f"tension {PER_METRE}"
     yield heading("The range of load factors")
     if record["status"] == "limit":
-        yield paragraph(RANGE_IN_SPACE if in_space(record) else RANGE)
+        yield paragraph(RANGE_IN_SPACE if of_blocks(record) else RANGE)
     told: dict[str, dict[str, str]] = {}  # by title and direction: one beside the other
     for direction, end in record["ends"].items():
         first, *others = end["tables"]
@@ -421,13 +421,13 @@ def notes(content: Content) -> Iterator[str]:
     given = [one.get("compressive_strength") for kind in kinds for one in scene[kind].values()]
     yield heading("What to know when you use these numbers")
     blocks = WITH_STRENGTH if any(given) else WITHOUT_STRENGTH
-    yield bullets(NOTES_IN_SPACE if in_space(content.record) else [*NOTES, blocks])
+    yield bullets(NOTES_IN_SPACE if of_blocks(content.record) else [*NOTES, blocks])
 
 
 def verification(content: Content) -> Iterator[str]:
     """Every condition of a collapse state: what it means, by how much it is missed."""
     yield heading("Appendix: verification")
-    meanings = {**RESIDUALS, **(OF_BLOCKS if in_space(content.record) else {})}
+    meanings = {**RESIDUALS, **(OF_BLOCKS if of_blocks(content.record) else {})}
     yield paragraph(
         "All conditions are computed again from the problem. How the state was found plays no part."
         " A residual is what a condition is missed by, relative to a typical force, displacement"
@@ -473,7 +473,7 @@ def computation(content: Content) -> Iterator[str]:
             told = "no" if hurried else left_out[key]
         if told != "-":
             rows.append((GAP if key == "gap" else keys.get(key, key), told))
-    if not in_space(record):
+    if not of_blocks(record):
         rows += [("method of the state reported", value_text(record["method"]))]
         rows += [("degree of the displacements", scene["degree"])]
     counts = mesh | iterations
