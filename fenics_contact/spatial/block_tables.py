@@ -92,9 +92,11 @@ class _Changes(Checked):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def blocks_of_table(
-    table: Mapping[str, Any], folder: Path
-) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
+#: Blocks, how many a file had, and what was left out.
+ReadBlocks = tuple[tuple[Block, ...], str, tuple[str, ...]]
+
+
+def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
     """Blocks of the table [blocks]: of a file, of a builder, or one by one.
 
     Returns:

@@ -147,7 +147,8 @@ def _solved(
         if lower and found.status == "limit" and not crushes:
             tell("lower collapse states")
             found = _with_lowest(structure, found, model, options, check_stop)
-        if not options.fast and found.way == "follow" and not crushes:
+        another = not options.fast and options.lowest is not False
+        if another and found.way == "follow" and not crushes:
             tell("another state")
             found = _with_one_shot(found, model, options.gap, check_stop)
         if not options.fast and not found.stopped:

@@ -23,7 +23,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.scene.rules import Checked, listed
 from fenics_contact.scene.toml_tables import from_table, refuse_unknown
-from fenics_contact.spatial.block_tables import built, called
+from fenics_contact.spatial.block_tables import ReadBlocks, built, called
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.surfaces import Surface, blocks_of
@@ -141,9 +141,7 @@ class _Polygon(Checked):
     fixed: bool = False
 
 
-def blocks_of_table(
-    table: Mapping[str, Any], folder: Path
-) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
+def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
     """Blocks of the table [blocks]: of a DXF drawing, of a builder, or one by one.
 
     Returns:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -115,7 +116,8 @@ class SolveOptions(Checked):
         quick: Forces at the corners of contacts alone: torsion is not limited.
         gap: Largest gap of a load factor, relative.
         states: Report the "first" collapse state found, or the "lowest".
-        lowest: Look for a lower collapse state than the first.
+        lowest: Look for a lower collapse state than the first, from several starts; None: from one,
+            but with `fast`; False: for no other.
         peak: Tell the most that the loading path carries; None: yes, but with `fast`.
         time: After so many seconds what is known is the result; None: any time.
         fast: The load factor alone.
@@ -253,8 +255,12 @@ class Scene(Checked, _Shared):
 
     @classmethod
     @checked
-    def from_tables(cls, given: Mapping[str, Any], folder: Path) -> Scene:
+    def from_tables(
+        cls, given: Mapping[str, Any], folder: Path, known: Any = None
+    ) -> Scene:
         """A scene from the tables of a file, and the folder in which its blocks are found.
+
+        Where these are `known`, as `ReadBlocks`, they are not read again.
 
         Raises:
             InputError: If a table is wrong.
@@ -264,7 +270,7 @@ class Scene(Checked, _Shared):
         require(bool(tables.blocks), "blocks is missing; give file, builder, or [blocks.NAME]")
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
         read = plane.blocks_of_table if in_plane else blocks_of_table
-        blocks, told, notes = read(given["blocks"], folder)
+        blocks, told, notes = known or read(given["blocks"], folder)
         return cls(
             blocks=blocks,
             live=tables.loads.live,
@@ -284,10 +290,10 @@ class Scene(Checked, _Shared):
         """
         size = float(np.median([b.volume for b in self.blocks if not b.fixed])) ** (1.0 / 3.0)
         near = max(NEAR * size, self.tolerance or 0.0)
-        blocks = (*self.blocks, *self._ground(DEPTH * size))
-        touching, warnings = checked_contacts(blocks, self.tolerance)
-        if self.dimension == 2:
-            touching = tuple(plane.upright(contact) for contact in touching)
+        depth = DEPTH * size
+        blocks, touching, warnings = _standing(
+            self.blocks, tuple(self._grounds()), depth, self.tolerance, self.dimension
+        )
         acting = list(self._acting(touching, blocks))
         text = "blocks: no two of them touch, so that nothing holds them"
         require(bool(acting), "; ".join([text, *warnings]))
@@ -355,21 +361,18 @@ class Scene(Checked, _Shared):
         along = abs(weight[axis]) > SAME_DIRECTION * np.linalg.norm(weight)
         return -np.sign(weight[axis]) * np.eye(3)[axis] if axis < 2 and along else np.eye(3)[2]
 
-    def _ground(self, depth: float) -> Iterator[Block]:
-        """Fixed blocks below what lies on rigid ground, or nearly does."""
+    def _grounds(self) -> Iterator[tuple[str, tuple[float, ...], float]]:
+        """Names of rigid grounds, unit vectors out of them, and their levels, m."""
         given: Mapping[str, Any] = self.foundations
         if not given and not any(block.fixed for block in self.blocks):
             given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
-        moving = [block for block in self.blocks if not block.fixed]
         for name, law in given.items():
             up = self._up if law.z is None else np.eye(3)[2]
             level = min(lowest(b, up) for b in self.blocks) if law.z is None else law.z
             if law.plane is not None:
                 up = np.array(law.plane.normal) / np.linalg.norm(law.plane.normal)
                 level = float(up @ law.plane.point)
-            key = f"foundations.{name}"
-            bodies = ground_below(key, moving, (up, level), depth, self.tolerance)
-            yield Block(bodies, name, key, fixed=True)
+            yield name, tuple(up.tolist()), level
 
     def _moved(self, blocks: Sequence[Block]) -> Array | None:
         """Motions of the ground, m and rad, shape (blocks, 6)."""
@@ -423,6 +426,29 @@ class Scene(Checked, _Shared):
             require(ends not in pairs, f"{key} and {pairs.get(ends)} are of the same contacts")
             pairs[ends] = key
         return pairs
+
+
+@lru_cache(maxsize=1)
+def _standing(
+    blocks: tuple[Block, ...],
+    grounds: tuple[tuple[str, tuple[float, ...], float], ...],
+    depth: float,
+    tolerance: float | None,
+    dimension: int,
+) -> tuple[tuple[Block, ...], tuple[Contact, ...], tuple[str, ...]]:
+    """Blocks with fixed ones below what lies on rigid ground, or nearly does; contacts; warnings.
+
+    They are kept for the next scene: in a sweep the blocks are often the same.
+    """
+    moving = [block for block in blocks if not block.fixed]
+    for name, up, level in grounds:
+        key = f"foundations.{name}"
+        bodies = ground_below(key, moving, (np.array(up), level), depth, tolerance)
+        blocks = (*blocks, Block(bodies, name, key, fixed=True))
+    contacts, warnings = checked_contacts(blocks, tolerance)
+    if dimension == 2:
+        contacts = tuple(plane.upright(contact) for contact in contacts)
+    return blocks, contacts, warnings
 
 
 # ---- what a scene file holds, table by table

@@ -148,6 +148,7 @@ class Family:
         """Read the tables of the file, on all ranks of `comm` (by default PETSc's), or scene."""
         self.origin = origin
         self._last: tuple[tuple[str, str], BlockMesh] | None = None
+        self._blocks: tuple[Any, Any] = (None, None)
         if isinstance(origin, Scene):
             self.comm = origin.comm
             self.tables = origin.tables()
@@ -191,10 +192,18 @@ class Family:
         for key, value in values.items():
             assign(tables, key, value)
         if self.of_blocks and not isinstance(self.origin, Scene):
-            from fenics_contact.spatial.scene import Scene as SpatialScene
-
-            return SpatialScene.from_tables(tables, self.origin[0].parent)
+            return self._of_blocks(tables, self.origin[0].parent)
         return Scene.from_tables(tables, self._kept_mesh)
+
+    def _of_blocks(self, tables: Mapping[str, Any], folder: Path) -> Any:
+        """A scene of rigid blocks; those of the last one are kept where their table is the same."""
+        from fenics_contact.spatial.scene import Scene as SceneOfBlocks
+
+        table, blocks = self._blocks
+        same = table == tables.get("blocks")
+        scene = SceneOfBlocks.from_tables(tables, folder, blocks if same else None)
+        self._blocks = tables["blocks"], (scene.blocks, scene.read, scene.notes)
+        return scene
 
     def _kept_mesh(self, name: str, blocks: str) -> BlockMesh:
         """The mesh of `mesh.file` and `mesh.blocks`; the last one is kept."""
@@ -314,14 +323,14 @@ def solve(scene: Any, structure: Structure) -> Any:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
-    if not isinstance(scene, Scene):
-        from fenics_contact.spatial.limit import limit_load as limit_load_of_space
-
-        return limit_load_of_space(scene)
     # A table of load factors has a column for hinges, and no room for more.
-    left_out = ("lowest", "peak", "range")
+    left_out = {"lowest", "peak", "range"} & vars(scene.solve).keys()
     more = {name: bool(getattr(scene.solve, name)) for name in left_out}
     scene = replace(scene, solve=replace(scene.solve, **more))
+    if not isinstance(scene, Scene):
+        from fenics_contact.spatial.limit import limit_load as limit_load_of_blocks
+
+        return limit_load_of_blocks(scene)
     if scene.solve.accuracy is None:
         result = limit_load_of(structure.of(scene))
     else:
