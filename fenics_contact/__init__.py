@@ -1,4 +1,4 @@
-"""Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction.
+"""Limit loads of systems of blocks with unilateral contact and Coulomb friction.
 
 Names are imported when they are first used: the command line answers `--help` without dolfinx,
 and a name that needs it says what to install.

@@ -1,4 +1,4 @@
-"""Structures of rigid blocks in space: the engine of `faces`, with another geometry.
+"""Structures of rigid blocks without a mesh, in space or in the plane: the engine of `faces`.
 
 Blocks are convex polyhedra, or several that move as one. Where plane sides of two blocks touch, a
 contact carries pressure and Coulomb friction at points. Blocks are rigid; faces are elastic.

@@ -221,7 +221,8 @@ def floor_text(one: Record, units: Units) -> str:
     """Weight of a floor, where it lies, and whether the live load takes it along."""
     weight = units.text(one["force"], "N/m2")
     mass = f"{'with' if one['mass'] else 'without'} its mass"
-    for up in {"z", "y"} & one.keys() if not one.get("x") and not one.get("at") else ():
+    up = "z" if "z" in one else "y"
+    if up == "z" or not (one.get("x") or one.get("at")):
         return f"{weight} at {up} = {units.length(one[up])}, {mass}"
     if units.thickness:
         weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
