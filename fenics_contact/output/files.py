@@ -378,7 +378,6 @@ def write_service_state(
 
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
-    collapse = result.collapse
     scene = result.scene
     words = replace(result.wording, units=scene.units.of_report)
     told, more = answer(result, words)
@@ -415,15 +414,12 @@ def result_record(result: Result) -> Record:
     counts = _record(result, "factorizations", "mode_factorizations")
     record["iterations"] = record["iterations"] | counts
     directions = {name: ends[name] | details[name] for name in ends}
-    if result.negative is not None and result.negative is not collapse:
-        record["negative"] = directions["negative"]
     timed = [kind for kind in kinds if kind.seconds]
     missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
     pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
     return record | {
         **origin_record(result.layout),
         "ranks": max(result.ranks, scene.comm.size),
-        "ends": ends,
         "directions": directions,
         "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],
         "skipped": list(result.skipped),

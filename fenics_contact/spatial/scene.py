@@ -255,9 +255,7 @@ class Scene(Checked, _Shared):
 
     @classmethod
     @checked
-    def from_tables(
-        cls, given: Mapping[str, Any], folder: Path, known: Any = None
-    ) -> Scene:
+    def from_tables(cls, given: Mapping[str, Any], folder: Path, known: Any = None) -> Scene:
         """A scene from the tables of a file, and the folder in which its blocks are found.
 
         Where these are `known`, as `ReadBlocks`, they are not read again.

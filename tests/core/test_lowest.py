@@ -98,7 +98,7 @@ def test_the_lowest_state_does_not_collapse_at_its_load_factor():
     for text in (
         summary(result, verbose=True),
         record["answer"]["found"][0],
-        record["ends"]["positive"]["proof"],
+        record["directions"]["positive"]["proof"],
     ):
         assert "lowest collapse state found, with any self-stress in the blocks" in text
         assert "ollapses at" not in text and "structure stands" not in text

@@ -238,7 +238,7 @@ def test_command_line(path, capsys):
         "joint_points": 16,
         "ties": 0,
     }
-    assert set(record["ends"]) == {"positive", "negative"}
+    assert set(record["directions"]) == {"positive", "negative"}
     assert record["residuals"]["equilibrium"] < 1e-7
     assert main(["stands", str(path)]) == 0
     assert "it stands under its dead load" in capsys.readouterr().out

@@ -54,7 +54,7 @@ def test_report_of_a_wall(solved, monkeypatch, capsys):
     monkeypatch.chdir(solved)
     assert run_here(["solve", "wall.toml"], capsys).code == 0
     record = json.loads((solved / "wall" / "result.json").read_text())
-    assert record["ends"]["positive"]["mechanism"]["words"] == (
+    assert record["directions"]["positive"]["mechanism"]["words"] == (
         "the whole structure turns about its foot to +y, tie stay yields"
     )
     assert {"collapse.png", "collapse_negative.png", "viewer.html", "blocks.vtu"} <= set(

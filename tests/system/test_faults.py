@@ -159,7 +159,7 @@ def known(program: Started, name: str) -> None:
         return
     assert record["status"] == "not_converged" and record["reason"].startswith("stopped by")
     assert record["bounds"]["lower"] == 0.0 or record["load_factor"] is None
-    path = record["ends"]["positive"]["path"]
+    path = record["directions"]["positive"]["path"]
     reached = path[-1]["load_factor"] if path else None
     upper = record["bounds"]["upper"]
     if reached is not None and upper is not None and reached > upper:

@@ -178,7 +178,7 @@ def test_both_ends_are_of_the_same_problem(result):
         assert np.sign(end.state.work) == np.sign(end.load_factor)
         assert end.certificate.static_factor == pytest.approx(end.load_factor, rel=1e-6)
     record = result_record(result)
-    assert record["negative"]["kinematic_factor"] == pytest.approx(-0.3, rel=1e-6)
+    assert record["directions"]["negative"]["kinematic_factor"] == pytest.approx(-0.3, rel=1e-6)
 
 
 def test_bracket_is_found_where_it_is_written(tmp_path):

@@ -92,7 +92,7 @@ def first_page(content: Content) -> Iterator[str]:
     """Title, project, author and date, question and answer, collapse picture, assumptions."""
     record = content.record
     status = record["status"]
-    ends = record["ends"]
+    ends = record["directions"]
     made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(content.labels.line(made), kind="labels")
@@ -130,9 +130,10 @@ def first_page(content: Content) -> Iterator[str]:
 def _collapses(record: Record) -> Iterator[str]:
     """What the blocks do in the collapse of each direction, in a sentence."""
     before = ""
-    for direction, end in record["ends"].items():
+    ends = record["directions"]
+    for direction, end in ends.items():
         if end["mechanism"] and (words := end["mechanism"]["words"]):
-            way = f"{sentence(way_of(record, direction))[:-1]}: " if len(record["ends"]) > 1 else ""
+            way = f"{sentence(way_of(record, direction))[:-1]}: " if len(ends) > 1 else ""
             mirrored = re.sub("left|right", lambda side: SIDES[side[0]], words)
             yield sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
             before = words
@@ -281,7 +282,7 @@ def how_it_fails(content: Content) -> Iterator[str]:
     Print has the picture of page 1 alone; the other direction has its picture there, too.
     """
     record = content.record
-    shown = content.picture_of("collapse", next(iter(record["ends"]), "positive"))
+    shown = content.picture_of("collapse", next(iter(record["directions"]), "positive"))
     yield f'<div class="{"again" if shown else ""}">{heading("How it fails")}'
     total = record["mesh"]["bodies"]
     if record["falling_blocks"]:
@@ -290,7 +291,7 @@ def how_it_fails(content: Content) -> Iterator[str]:
         yield paragraph(words, f"The reason: {record['reason']}. No joint resists this motion.")
         if motion := content.motions.get("fall"):
             yield moving_figure(motion, falling)
-    for direction, end in record["ends"].items():
+    for direction, end in record["directions"].items():
         prefix = f"With the {direction_words(direction)}:"
         if end["wedged_blocks"]:
             wedged = end["wedged_blocks"]
@@ -304,7 +305,7 @@ def how_it_fails(content: Content) -> Iterator[str]:
         else:
             yield paragraph(prefix, "no collapse mode is known.")
     yield "</div>"
-    for direction in list(record["ends"])[1:]:
+    for direction in list(record["directions"])[1:]:
         if address := content.picture_of("collapse", direction):
             yield picture(address, PICTURES["collapse_negative"])
 

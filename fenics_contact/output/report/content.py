@@ -114,13 +114,13 @@ class Content:
     def details(self, direction: str) -> Record:
         """Where result.json has the verification of one end."""
         record = self.record
-        apart = direction == "negative" and "negative" in record
-        details: Record = record["negative"] if apart else record
+        apart = direction == "negative" and len(record["directions"]) == 2
+        details: Record = record["directions"][direction] if apart else record
         return details
 
     def picture_of(self, stem: str, direction: str) -> str:
         """Data URI of a picture of one end; empty if there is none."""
-        apart = len(self.record["ends"]) == 2 and direction == "negative"
+        apart = len(self.record["directions"]) == 2 and direction == "negative"
         return self.pictures.get(f"{stem}_negative" if apart else stem, "")
 
 
@@ -143,7 +143,7 @@ def read_content(folder: Path, labels: Labels) -> Content:
         ) from error
     if isinstance(record, dict) and record.get("status") == "equilibrium":
         raise InputError(f"{path} is that of a state at a given load factor; give a limit load")
-    if not isinstance(record, dict) or "ends" not in record or "scene" not in record:
+    if not isinstance(record, dict) or "directions" not in record or "scene" not in record:
         raise InputError(
             f"{path} is not of this version, or is no result; solve the scene again for a report"
         )
@@ -190,7 +190,7 @@ def _draw_kept(record: Record, folder: Path, made: Path, there: Collection[str])
         formats = record["scene"]["output"]["formats"]
         lost = "; ".join(draw_figures(figures, made, formats))
     except ValueError as error:
-        ends = list(record["ends"].values())
+        ends = list(record["directions"].values())
         states = [end for end in ends if end["mechanism"]]
         suffixes = ("", "_negative")[: len(ends)] if states else ()
         names = ["scene", *(f"{stem}{end}" for end in suffixes for stem in ("forces", "stress"))]

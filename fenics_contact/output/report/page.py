@@ -280,7 +280,7 @@ def load_factors(content: Content) -> Iterator[str]:
     if record["status"] == "limit":
         yield paragraph(RANGE_IN_SPACE if of_blocks(record) else RANGE)
     told: dict[str, dict[str, str]] = {}  # by title and direction: one beside the other
-    for direction, end in record["ends"].items():
+    for direction, end in record["directions"].items():
         first, *others = end["tables"]
         told.setdefault("Load factor", {})[direction] = _load_factor(record, end, first["rows"])
         forces = [
@@ -293,15 +293,15 @@ def load_factors(content: Content) -> Iterator[str]:
         for one in others:
             note = paragraph(one["note"]) if one["note"] else ""
             told.setdefault(one["title"], {})[direction] = table(one["rows"], one["head"]) + note
-    both = len(record["ends"]) > 1
-    ways = {name: way_of(record, name) for name in record["ends"]}
+    both = len(record["directions"]) > 1
+    ways = {name: way_of(record, name) for name in record["directions"]}
     words = {name: way if "to" in way else direction_words(name) for name, way in ways.items()}
     for title, parts in told.items():
         yield '<div class="halves">' * both
         for direction, part in parts.items():
             yield f"<div>{heading(f'{title}, {words[direction]}', 3)}{part}</div>"
         yield "</div>" * both
-    if not record["ends"]:
+    if not record["directions"]:
         yield paragraph(f"Reason: {record['reason']}.")
 
 
@@ -434,7 +434,7 @@ def verification(content: Content) -> Iterator[str]:
         " or power of the structure."
     )
     shown = False
-    for direction in content.record["ends"]:
+    for direction in content.record["directions"]:
         details = content.details(direction)
         if not details.get("residuals"):
             continue
@@ -483,7 +483,7 @@ def computation(content: Content) -> Iterator[str]:
     seconds = record["seconds"].items()
     times = [(phases.get(name, name), f"{value:.3g} s") for name, value in seconds]
     yield table(times, title="Times")
-    for direction, end in record["ends"].items():
+    for direction, end in record["directions"].items():
         if end["status"] == "not_converged" and end["attempts"]:
             names = "name", "outcome", "factorizations"
             tried = [[one[name] for name in names] for one in end["attempts"]]

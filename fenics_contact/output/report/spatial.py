@@ -37,7 +37,7 @@ def turning(content: Content) -> Iterator[str]:
         frame = 'title="Blocks in space" style="width: 100%; height: 36em; border: 0"'
         inside = f'<iframe {frame} srcdoc="{escape(content.viewer)}"></iframe>'
         yield f'<div class="again">{heading("How it fails")}{inside}</div>'
-    for direction in list(content.record["ends"])[1:]:
+    for direction in list(content.record["directions"])[1:]:
         if address := content.picture_of("collapse", direction):
             yield picture(address, PICTURES["collapse_negative"])
 
@@ -59,7 +59,7 @@ def contacts(content: Content) -> Iterator[str]:
     rows = [(key, laws.get(key, ""), count, f"{area:.4g}") for key, count, area in found]
     yield table(rows, ("contacts", "law", "number", "area, m2"), "Contacts")
     motions = []
-    for name, end in record["ends"].items():
+    for name, end in record["directions"].items():
         if does := end["mechanism"] and end["mechanism"]["contacts"]:
             pressure = units.stress(does["pressure"], 4)
             motions.append((direction_words(name), *does["states"].values(), pressure))
