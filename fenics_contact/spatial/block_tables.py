@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -92,15 +92,24 @@ class _Changes(Checked):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-#: Blocks, how many a file had, and what was left out.
-ReadBlocks = tuple[tuple[Block, ...], str, tuple[str, ...]]
+class ReadBlocks(NamedTuple):
+    """Blocks of the table [blocks].
+
+    Attributes:
+        blocks: Of a file, of a builder, or one by one.
+        told: How many a file names, how many were read.
+        notes: What of a file was left out, or taken otherwise than written.
+        sides: Names of sides that a drawing gives, and lines on which they lie.
+    """
+
+    blocks: tuple[Block, ...]
+    told: str = ""
+    notes: tuple[str, ...] = ()
+    sides: Mapping[str, Any] = {}
 
 
 def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
-    """Blocks of the table [blocks]: of a file, of a builder, or one by one.
-
-    Returns:
-        The blocks; of a file how many were read, and what was left out.
+    """Blocks of the table [blocks].
 
     Raises:
         InputError: If they are wrong.
@@ -108,7 +117,9 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
     if isinstance(up := table.get("up"), str):
         require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
         order, signs = UPWARDS[up]
-        blocks, read, notes = blocks_of_table({k: v for k, v in table.items() if k != "up"}, folder)
+        blocks, read, notes, _ = blocks_of_table(
+            {k: v for k, v in table.items() if k != "up"}, folder
+        )
         turned = [
             replace(
                 block,
@@ -118,14 +129,14 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
             )
             for block in blocks
         ]
-        return tuple(turned), read, notes
+        return ReadBlocks(tuple(turned), read, notes)
     if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
         return _made(table, folder)
     shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
-    return tuple(shape.block(name) for name, shape in shapes.items()), "", ()
+    return ReadBlocks(tuple(shape.block(name) for name, shape in shapes.items()))
 
 
-def _made(table: Mapping[str, Any], folder: Path) -> tuple[tuple[Block, ...], str, tuple[str, ...]]:
+def _made(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
     """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
     given = dict(table)
     changes = from_table(
@@ -146,7 +157,7 @@ def _made(table: Mapping[str, Any], folder: Path) -> tuple[tuple[Block, ...], st
         text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
         require(bool(chosen), text)
         blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
-    return blocks, read, notes
+    return ReadBlocks(blocks, read, notes)
 
 
 def built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:

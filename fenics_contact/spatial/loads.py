@@ -36,6 +36,8 @@ GRAVITY = 9.81
 SAME_DIRECTION = 0.99985
 #: Distance from a plane or a block that is rounding, in parts of a typical block's size.
 NEAR = 1e-5
+#: From the front of a prism to its back.
+MIRRORED = np.array([1.0, -1.0, 1.0])
 #: Places and weight in a tetrahedron that integrate quadratic functions.
 FAR, CLOSE = 0.1381966011250105, 0.5854101966249685
 
@@ -51,17 +53,19 @@ class Sides(Checked):
         block: They are of this block.
         normal: They look this way, within one degree.
         point: This point lies in their plane.
+        lines: In the plane: they, or parts of them, lie on one of these lines between two places.
     """
 
     group: str | None = None
     block: str | None = None
     normal: tuple[float, float, float] | None = ruled(DIRECTION, None)
     point: tuple[float, float, float] | None = ruled(require_vector, None)
+    lines: tuple[tuple[Vector, Vector], ...] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         given = any(value is not None for value in vars(self).values())
-        require(given, "no side is named: give group, block, normal or point")
+        require(given, "no side is named: give group, block, normal, point or lines")
 
     def of(self, blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
         """Numbers of blocks, and corners of their sides, m, shape (corners, 3)."""
@@ -77,7 +81,21 @@ class Sides(Checked):
                     height = piece.normals @ np.array(self.point) - piece.levels
                     chosen &= np.abs(height) <= near
                 for side in np.flatnonzero(chosen):
-                    yield number, piece.corners[list(piece.sides[side])]
+                    corners = piece.corners[list(piece.sides[side])]
+                    parts = [corners] if self.lines is None else self._stretches(corners, near)
+                    yield from ((number, part) for part in parts)
+
+    def _stretches(self, corners: Array, near: float) -> Iterator[Array]:
+        """Parts of a side of a prism, a metre deep, that lie on the lines."""
+        front = corners[corners[:, 1] < 0.0]
+        for line in np.array(self.lines) - front[0] if len(front) == 2 else ():
+            start = front[0]
+            length = float(np.linalg.norm(front[1] - start))
+            along = (front[1] - start) / length
+            low, high = np.clip(np.sort(line @ along), 0.0, length)
+            if np.abs(np.cross(line, along)).max() <= near and high - low > near:
+                low, high = start + low * along, start + high * along
+                yield np.array([low, high, high * MIRRORED, low * MIRRORED])
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,9 @@ from fenics_contact.errors import InputError, require, shown
 from fenics_contact.geometry import builders
 from fenics_contact.geometry.dxf.blocks import read_dxf
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.meshing import Drawing
 from fenics_contact.geometry.outlines import outline_problem
+from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed
 from fenics_contact.scene.toml_tables import from_table, refuse_unknown
 from fenics_contact.spatial.block_tables import ReadBlocks, built, called
@@ -35,6 +37,8 @@ VECTORS = (
     *("ties.*.from", "ties.*.to", "ties.*.ground"),
     *("foundations.*.plane.point", "foundations.*.plane.normal"),
 )
+#: Keys of lines between two places.
+LINES = ("sides.*.lines",)
 #: Keys of heights, which are z in space.
 HEIGHTS = ("floors.*.y", "foundations.*.y")
 TURNS = ("loads.*.movement.*.rotation",)
@@ -44,6 +48,8 @@ BUILT: dict[str, tuple[str, dict[str, Any]]] = {
     "wall": ("wall", {"thickness": 1.0}),
     "arch": ("barrel_vault", {"length": 1.0, "strips": 1}),
 }
+#: Which way the axis of a drawing goes that points upwards: to x and y, from those of the drawing.
+UPWARDS = {"x": ((0, -1), (1, 0)), "y": ((1, 0), (0, 1))}
 #: From builders of space to the plane, m.
 MIDDLE = np.array([0.0, -0.5, 0.0])
 
@@ -64,6 +70,9 @@ def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
         elif _is(key, VECTORS) and isinstance(value, list):
             require(len(value) == 2, f"{key} = {shown(value)} must be two numbers, x and y")
             found[name] = [value[0], 0.0, value[1]]
+        elif _is(key, LINES) and isinstance(value, list):
+            ends = (in_space({"point": end}, "sides.of") for line in value for end in line)
+            found[name] = [[first["point"], next(ends)["point"]] for first in ends]
         elif _is(key, TURNS) and isinstance(value, int | float):
             found[name] = [0.0, -value, 0.0]
         else:
@@ -82,6 +91,8 @@ def in_plane(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
             continue  # of a floor in space: from where to where it reaches
         elif _is(key, VECTORS) and value is not None:
             found[name] = (value[0], value[2])
+        elif _is(key, LINES) and value is not None:
+            found[name] = [[(end[0], end[2]) for end in line] for line in value]
         elif _is(key, TURNS):
             found[name] = -value[1]
         else:
@@ -144,26 +155,22 @@ class _Polygon(Checked):
 def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
     """Blocks of the table [blocks]: of a DXF drawing, of a builder, or one by one.
 
-    Returns:
-        The blocks; of a drawing how many were read, and what was left out.
-
     Raises:
         InputError: If they are wrong.
     """
     if isinstance(file := table.get("file"), str):
-        refuse_unknown("blocks", table, {"file", "unit"})
+        refuse_unknown("blocks", table, {"file", "unit", "up"})
+        up = table.get("up", "y")
+        require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
         read = read_dxf(folder / file, table.get("unit"))
-        blocks = prisms(read.drawing.blocks, read.drawing.names)
-        return blocks, f"{file}: {len(blocks)} blocks", read.notes
+        found = _drawn(read.drawing, np.array(UPWARDS[up]))
+        told = f"{file}: {counted(len(found.blocks), 'block')}"
+        return found._replace(told=told, notes=read.notes)
     if isinstance(name := table.get("builder"), str):
-        return _built(name, {k: v for k, v in table.items() if k != "builder"}), "", ()
+        return _built(name, {k: v for k, v in table.items() if k != "builder"})
     shapes = {name: from_table(_Polygon, item, f"blocks.{name}") for name, item in table.items()}
-    return (
-        tuple(
-            prism(shape.polygon, name, shape.group, shape.fixed) for name, shape in shapes.items()
-        ),
-        "",
-        (),
+    return ReadBlocks(
+        tuple(prism(one.polygon, name, one.group, one.fixed) for name, one in shapes.items())
     )
 
 
@@ -173,7 +180,17 @@ def _in_middle(block: Block) -> Block:
     return replace(block, pieces=tuple(pieces))
 
 
-def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
+def _drawn(drawing: Drawing, turn: Array) -> ReadBlocks:
+    """Blocks of a drawing, turned, and its groups as sides."""
+    lines = {
+        name: np.insert(np.array(some, dtype=float) @ turn.T, 1, 0.0, axis=2).tolist()
+        for name, some in drawing.groups.items()
+    }
+    outlines = [np.array(outline) @ turn.T for outline in drawing.blocks]
+    return ReadBlocks(prisms(outlines, drawing.names), sides=lines)
+
+
+def _built(name: str, given: Mapping[str, Any]) -> ReadBlocks:
     """Blocks by a builder."""
     known = [*DRAWN, *BUILT]
     require(name in known, f"blocks.builder = '{name}' must be one of {listed(known)}")
@@ -182,8 +199,7 @@ def _built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
         again = sorted(fixed.keys() & given.keys())
         text = f"blocks.{min(again, default='')}: structures in the plane are a metre deep"
         require(not again, text)
-        return tuple(map(_in_middle, built(kind, {**given, **fixed})))
+        return ReadBlocks(tuple(map(_in_middle, built(kind, {**given, **fixed}))))
     function = getattr(builders, name)
     pairs = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
-    drawn = called(name, function, pairs)
-    return prisms(drawn.blocks, drawn.names)
+    return _drawn(called(name, function, pairs), np.eye(2))

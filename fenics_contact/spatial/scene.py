@@ -29,10 +29,10 @@ from fenics_contact.scene.rules import (
     ruled,
 )
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
-from fenics_contact.scene.toml_tables import from_table, read_toml
+from fenics_contact.scene.toml_tables import as_mapping, from_table, read_toml
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial import plane
-from fenics_contact.spatial.block_tables import blocks_of_table
+from fenics_contact.spatial.block_tables import ReadBlocks, blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
 from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
@@ -265,18 +265,18 @@ class Scene(Checked, _Shared):
         """
         in_plane = given.get("dimension", 2) == 2
         tables = from_table(_SceneTables, plane.in_space(given) if in_plane else given)
-        require(bool(tables.blocks), "blocks is missing; give file, builder, or [blocks.NAME]")
         shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
-        read = plane.blocks_of_table if in_plane else blocks_of_table
-        blocks, told, notes = known or read(given["blocks"], folder)
+        read = known or read_blocks(given, folder)
+        lines = {name: Sides(lines=lines) for name, lines in read.sides.items()}
+        shared["sides"] = {**lines, **tables.sides}
         return cls(
-            blocks=blocks,
+            blocks=read.blocks,
             live=tables.loads.live,
             dead=tables.loads.dead,
             dimension=2 if in_plane else 3,
             thickness=tables.plane.thickness,
-            read=told,
-            notes=notes,
+            read=read.told,
+            notes=read.notes,
             **shared,
         )
 
@@ -424,6 +424,17 @@ class Scene(Checked, _Shared):
             require(ends not in pairs, f"{key} and {pairs.get(ends)} are of the same contacts")
             pairs[ends] = key
         return pairs
+
+
+def read_blocks(tables: Mapping[str, Any], folder: Path) -> ReadBlocks:
+    """The blocks of the tables of a scene file.
+
+    Raises:
+        InputError: If they are wrong.
+    """
+    require(bool(tables.get("blocks")), "blocks is missing; give file, builder, or [blocks.NAME]")
+    read = plane.blocks_of_table if tables.get("dimension", 2) == 2 else blocks_of_table
+    return read(as_mapping("blocks", tables["blocks"]), folder)
 
 
 @lru_cache(maxsize=1)

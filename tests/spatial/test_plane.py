@@ -254,3 +254,23 @@ def test_no_mesh_needs_no_dolfinx(tmp_path):
         [sys.executable, "-c", script], env=environment(), capture_output=True, text=True
     )
     assert run.stdout.splitlines()[-1] == "[] 0", run.stderr
+
+
+def test_groups_of_a_drawing_are_sides(tmp_path):
+    """A force on the coping's top, half of it: builders and drawings name their sides."""
+    blocks = {"builder": "retaining_wall", "height": 2.0, "base": 1.0, "top": 1.0, "stones": 1}
+    dead = BLOCK["loads"]["dead"]
+    live = {"traction": {"back": [-1000.0, 0.0]}}
+    loads = {"dead": dead, "live": live}
+    structure = scene_of(tmp_path, blocks=blocks, loads=loads).structure()
+    assert structure.live[:, :3].sum(axis=0) == pytest.approx([-2000.0, 0.0, 0.0])
+    part = {"sides": {"back": {"lines": [[[1.0, 0.5], [1.0, 1.5]]]}}}
+    structure = scene_of(tmp_path, blocks=blocks, loads=loads, **part).structure()
+    assert structure.live[:, :3].sum(axis=0) == pytest.approx([-1000.0, 0.0, 0.0])
+
+
+def test_a_drawing_may_lie_on_its_side(tmp_path):
+    write_dxf(tmp_path / "lies.dxf", [([[0, 0], [2000, 0], [2000, 1000], [0, 1000]], "stone")])
+    scene = scene_of(tmp_path, blocks={"file": "lies.dxf", "unit": "mm", "up": "x"})
+    low, high = scene.blocks[0].extent
+    assert high - low == pytest.approx([1.0, 1.0, 2.0])
