@@ -88,8 +88,10 @@ class Sides(Checked):
     def _stretches(self, corners: Array, near: float) -> Iterator[Array]:
         """Parts of a side of a prism, a metre deep, that lie on the lines."""
         front = corners[corners[:, 1] < 0.0]
-        for line in np.array(self.lines) - front[0] if len(front) == 2 else ():
-            start = front[0]
+        if len(front) != 2:
+            return
+        start = front[0]
+        for line in np.array(self.lines) - start * [1.0, 0.0, 1.0]:
             length = float(np.linalg.norm(front[1] - start))
             along = (front[1] - start) / length
             low, high = np.clip(np.sort(line @ along), 0.0, length)
