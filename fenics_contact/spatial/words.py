@@ -24,6 +24,11 @@ from fenics_contact.results.parts import (
 )
 from fenics_contact.spatial.view import ContactState, SpatialView
 
+#: Words for directions along x, y and z, by dimension.
+WAYS = {
+    2: (("the left", "the right"), ("", ""), ("down", "up")),
+    3: (("-x", "+x"), ("-y", "+y"), ("down", "up")),
+}
 #: Words for places along z, y and x: the front is where y is least.
 PLACES = {2: ("lower", "middle", "upper"), 1: ("front", "", "back"), 0: ("left", "", "right")}
 #: Names that are adjectives: of the left wall, the western vault.
@@ -166,7 +171,7 @@ def _motion(view: SpatialView, those: Flags, slides: bool) -> str:
     size = float(np.linalg.norm(box[1] - box[0]))
     spin = float(np.linalg.norm(turn))
     if 0.5 * size * spin < SHIFTS * np.linalg.norm(velocity):
-        way = _way(velocity)
+        way = _way(view, velocity)
         moves = f"{'slides' if slides else 'moves'} to {way}".replace("to up", "up")
         return "falls" if way == "down" else moves
     if abs(turn[2]) > UPRIGHT * spin:
@@ -178,17 +183,19 @@ def _motion(view: SpatialView, those: Flags, slides: bool) -> str:
     levels = {"its foot": foot, "the foot of the structure": ground, "its top": top}
     for name, level in levels.items():
         if abs(axis - level) < NEAR * size:
-            verb, way = ("swings", _way(-over)) if name == "its top" else ("turns", _way(over))
+            verb, way = (
+                ("swings", _way(view, -over)) if name == "its top" else ("turns", _way(view, over))
+            )
             return f"{verb} about {name} to {way}{twists}"
     up = "y" if view.structure.dimension == 2 else "z"
     about = f" about an axis at {up} = {axis:.3g} m" * bool(ground < axis < crown)
-    return f"turns to {_way(over)}{about}{twists}"
+    return f"turns to {_way(view, over)}{about}{twists}"
 
 
-def _way(vector: Array) -> str:
+def _way(view: SpatialView, vector: Array) -> str:
     """A direction by the axes that it is along."""
     least = np.abs(vector).max() / STEEP
-    parts = zip((("-x", "+x"), ("-y", "+y"), ("down", "up")), vector, strict=True)
+    parts = zip(WAYS[view.structure.dimension], vector, strict=True)
     return " and ".join(names[int(part > 0.0)] for names, part in parts if abs(part) > least)
 
 
