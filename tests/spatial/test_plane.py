@@ -230,7 +230,7 @@ def test_files_have_components_of_the_plane(tmp_path):
     assert record["scene"]["loads"]["live"]["body"] == [9.81, 0.0]
     assert set(record["scene"]["size"]) == {"width", "height"}
     assert np.shape(record["mechanism"]["motion"]) == (2, 3)
-    assert record["mechanism"]["words"] == "the whole structure turns about its foot to the right"
+    assert record["mechanism"]["words"] == "the block turns about its foot to the right"
     assert "to the right" in result.summary()
     names = {"collapse.png", "capacity.png", "blocks.vtu", "viewer.html"}
     assert names <= set(record["files"])
