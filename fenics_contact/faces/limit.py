@@ -171,7 +171,7 @@ class FaceSearch:
         """
         self._check_stop()
         upper = associative_state(self.model, self.equations)
-        if not upper.within(SEARCH.rough_gap):
+        if not upper.within(SEARCH.rough_gap, missing_motion=SEARCH.small_factor):
             return
         for sign in signs:
             self._check_stop()
