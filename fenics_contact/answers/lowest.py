@@ -44,7 +44,7 @@ BY_LOAD = "lower states are not looked for where the load is raised step by step
 
 
 @dataclass(frozen=True)
-class _Found:
+class _FoundStates:
     """States by their starts, and why the searches ended early; for all ranks."""
 
     states: dict[str, FaceState]
@@ -74,7 +74,7 @@ class LowestAnswer(Asked):
         return _sought(question.case)
 
     @classmethod
-    def begin(cls, case: LoadCase) -> Future[_Found] | None:
+    def begin(cls, case: LoadCase) -> Future[_FoundStates] | None:
         """The searches: they need no collapse."""
         if not _sought(case) or np.any(case.discretization.joints.losing):
             return None
@@ -202,7 +202,7 @@ def _sought(case: LoadCase) -> bool:
 
 def searched(
     model: FaceModel, names: list[str], effort: int | None, wait: Callable[[], None]
-) -> _Found:
+) -> _FoundStates:
     """A task: states from some starts, with so many factorisations each."""
     states: dict[str, FaceState] = {}
     try:
@@ -212,7 +212,7 @@ def searched(
             if state is not None:
                 states[name] = state
     except Stopped as stop:
-        return _Found(states, str(stop), stopped=True)
+        return _FoundStates(states, str(stop), stopped=True)
     except SolverError as error:  # faces that do not hold the blocks
-        return _Found(states, str(error))
-    return _Found(states)
+        return _FoundStates(states, str(error))
+    return _FoundStates(states)

@@ -215,7 +215,7 @@ def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = Fa
         return Peak("not_known", reason=OTHER_METHOD)
     path = np.array([one.load_factor for one in case.record.trace if one.phase == ON_THE_WAY])
     fell = np.max(np.maximum.accumulate(path) - path, initial=0.0) > SEARCH.dip * end.size
-    search = _Search(case, end)
+    search = _PeakSearch(case, end)
     stays_below = search.stays_below(case.record.risen)
     if stays_below and not (fell or at_any_cost):
         return Peak("none")
@@ -265,7 +265,7 @@ class _Settled(Sample):
     rate: Array
 
 
-class _Search:
+class _PeakSearch:
     """The search for the highest point of one path, on block modes and then on the structure.
 
     Attributes:

@@ -21,8 +21,8 @@ import numpy as np
 from fenics_contact.collapse.load_case import Task
 from fenics_contact.collapse.strategy import Strategy, monolithic
 from fenics_contact.errors import EffortError, SolverError
-from fenics_contact.faces.follow import LoadingPath, Way, followed
-from fenics_contact.faces.kernel import Iterate, Program, solve
+from fenics_contact.faces.follow import FacePath, Way, followed
+from fenics_contact.faces.kernel import FaceIterate, Program, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
 from fenics_contact.search_options import SEARCH
@@ -80,7 +80,7 @@ def along_its_length(task: Task) -> Solution:
     problem, whole = case.problem, case.discretization
     modes = whole.block_modes.changed(problem)
 
-    def prolonged(at: Iterate) -> State:
+    def prolonged(at: FaceIterate) -> State:
         return modes.prolonged(modes.reduced.state(at.motion, at.load_factor, *at.force.T))
 
     effort = SEARCH.follow_effort
@@ -104,7 +104,7 @@ def along_its_length(task: Task) -> Solution:
     return Solution(state, {}, 0)
 
 
-def _taken_up(model: FaceModel, start: Iterate, task: Task) -> Iterate:
+def _taken_up(model: FaceModel, start: FaceIterate, task: Task) -> FaceIterate:
     """The state of a structure at the work of a state of its block modes.
 
     Raises:
@@ -114,7 +114,7 @@ def _taken_up(model: FaceModel, start: Iterate, task: Task) -> Iterate:
     count = task.case.discretization.tally.add
     for products in TAKEN_UP:
         with np.errstate(all="ignore"):
-            path = LoadingPath(
+            path = FacePath(
                 model, equations, Way(products, least=0.03), SEARCH.follow_effort, count
             )
             try:
@@ -132,7 +132,7 @@ def _taken_up(model: FaceModel, start: Iterate, task: Task) -> Iterate:
     raise SolverError(f"the structure is not taken up from block modes: {failed}")
 
 
-def _exact(program: Program, end: Iterate, before: Iterate) -> Iterate:
+def _exact(program: Program, end: FaceIterate, before: FaceIterate) -> FaceIterate:
     """The end of falling products; where it has too few digits, an exact state beside it.
 
     Points without force and opening take these digits. The interior point method has them, from

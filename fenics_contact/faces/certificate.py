@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
+from fenics_contact.faces.kernel import FaceIterate, FaceTolerances, Program, Row, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
 from fenics_contact.search_options import SEARCH
@@ -54,12 +54,12 @@ class FaceState:
     missing: float
     closing: float
     sign: float
-    iterate: Iterate
+    iterate: FaceIterate
 
 
-def to_least_gap() -> Tolerances:
+def to_least_gap() -> FaceTolerances:
     """What ends (b), which has a mode of its own: its multipliers matter little."""
-    return Tolerances(10.0 * SEARCH.face_gap, motion=SEARCH.rough_gap)
+    return FaceTolerances(10.0 * SEARCH.face_gap, motion=SEARCH.rough_gap)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Certifier:
     sign: float = 1.0
     asked: float = SEARCH.gap
 
-    def near(self, elastic: Iterate, work: float) -> tuple[FaceState | None, float]:
+    def near(self, elastic: FaceIterate, work: float) -> tuple[FaceState | None, float]:
         """A state near an elastic one under some work; the limit with its strengths.
 
         The second is nan if none was found.
@@ -102,7 +102,7 @@ class Certifier:
             state = state or self.least_gap(None, mode.motion, box=box)
         return state, mode.load_factor
 
-    def exact(self, elastic: Iterate) -> FaceState | None:
+    def exact(self, elastic: FaceIterate) -> FaceState | None:
         """An elastic state with its own forces, where these are a state with next to no gap."""
         mode = self.mode(elastic.force)
         found = None if mode is None else self.state(elastic, mode.motion)
@@ -113,7 +113,7 @@ class Certifier:
         mode = self.mode(force)
         return None if mode is None else self.least_gap(None, mode.motion)
 
-    def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
+    def mode(self, force: Array, start: FaceIterate | None = None) -> FaceIterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
         model = self.model
         strength = model.own_strength(force) + SEARCH.regularization * model.unit_sizes[:, 0]
@@ -121,7 +121,7 @@ class Certifier:
         near = None
         least, best = np.inf, None
 
-        def passed(iterate: Iterate) -> bool:
+        def passed(iterate: FaceIterate) -> bool:
             """Note the mode that bounds the load factor most, for where the end is not reached."""
             nonlocal least, best
             work = self.sign * float(model.live @ iterate.motion)
@@ -134,10 +134,10 @@ class Certifier:
             return False
 
         if start is not None:
-            tolerances = Tolerances(10.0 * SEARCH.face_gap)
+            tolerances = FaceTolerances(10.0 * SEARCH.face_gap)
             near = solve(program, start, tolerances, start.mu / SEARCH.decade, passed)
         if near is None or not near.within(1e-5):
-            rough = Tolerances(SEARCH.many_gap * self.asked) if model.has_many_blocks else None
+            rough = FaceTolerances(SEARCH.many_gap * self.asked) if model.has_many_blocks else None
             near = solve(program, tolerances=rough, enough=passed)
         if near.solved or near.within(1e-5):
             return replace(near, motion=near.motion / abs(float(model.live @ near.motion)))
@@ -145,7 +145,7 @@ class Certifier:
 
     def least_gap(
         self,
-        near: Iterate | None,
+        near: FaceIterate | None,
         mode: Array,
         mu: float | None = None,
         box: tuple[float, float] | None = None,
@@ -160,18 +160,18 @@ class Certifier:
         program = self._program(model.strength, model.friction)
         cost = model.free_friction * power.slip
         program = replace(program, cost=cost, rows=rows)
-        found: Iterate | None = None
+        found: FaceIterate | None = None
         known = power.bound(model.strength)
 
-        def left(iterate: Iterate) -> float:
+        def left(iterate: FaceIterate) -> float:
             """The gap that it proves, absolute."""
             own = known + float(cost @ model.normal(iterate.force))
             return own - self.sign * iterate.load_factor
 
-        balanced: Iterate | None = None  # equilibrium loses digits as products fall
+        balanced: FaceIterate | None = None  # equilibrium loses digits as products fall
         least = SEARCH.rough_gap
 
-        def enough(iterate: Iterate) -> bool:
+        def enough(iterate: FaceIterate) -> bool:
             """Of many blocks: as good as asked for, or so near that it gets no better."""
             nonlocal balanced, least
             gap = left(iterate) / model.size(iterate.load_factor)
@@ -184,7 +184,7 @@ class Certifier:
         if near is not None:
             goal = 10.0 * SEARCH.face_gap * model.size(near.load_factor)
 
-            def as_near(iterate: Iterate) -> bool:
+            def as_near(iterate: FaceIterate) -> bool:
                 inside = box is None or box[0] <= iterate.load_factor <= box[1]
                 return inside and iterate.missing <= 1e-9 and left(iterate) < goal
 
@@ -198,7 +198,7 @@ class Certifier:
                 found = balanced
         return self.state(found, mode)
 
-    def state(self, found: Iterate, mode: Array) -> FaceState | None:
+    def state(self, found: FaceIterate, mode: Array) -> FaceState | None:
         """An iterate as a certified state; None without equilibrium, or with a mode that closes."""
         model = self.model
         if not (found.missing < 10.0 * SEARCH.exact_state and np.isfinite(found.load_factor)):

@@ -28,12 +28,12 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import (
     Arrays,
-    Iterate,
+    FaceIterate,
+    FacePoint,
+    FaceTolerances,
     Method,
     Newton,
-    Point,
     Program,
-    Tolerances,
     elastic_response,
     solve,
 )
@@ -147,7 +147,7 @@ class UnitLaw:
         """What the strength adds to p: 2 kappa N sum y / d, shape (units, 1)."""
         return np.asarray(2.0 * self.model.kappa * normal * opened / self.displacement)[:, None]
 
-    def change(self, at: Point, step: Point) -> Array:
+    def change(self, at: FacePoint, step: FacePoint) -> Array:
         """Change of (p, q) with forces and multipliers, to first order."""
         changed = self.units(step.force, step.duals)
         if np.any(self.model.kappa):
@@ -238,7 +238,7 @@ def _left(beyond: Array, bound: Array, e: float) -> Array:
     return left
 
 
-class LoadingPath:
+class FacePath:
     """The path of one model at fixed products.
 
     Attributes:
@@ -307,14 +307,14 @@ class LoadingPath:
         """W of a place."""
         return float(self._model.live @ at.motion)
 
-    def iterate(self, at: Place) -> Iterate:
+    def iterate(self, at: Place) -> FaceIterate:
         """A place in terms of the kernel."""
         return self._system(at).iterate
 
     def _system(self, at: Place) -> Newton:
         force, duals, slacks = self.law.state(at.units)
         none = np.zeros(0)
-        point = Point(at.motion, at.load_factor, force, (*duals, none), (*slacks, none))
+        point = FacePoint(at.motion, at.load_factor, force, (*duals, none), (*slacks, none))
         return Newton(self._method, point, point.slacks)
 
     def _newton(self, at: Place) -> tuple[Place, Place, float]:
@@ -375,7 +375,7 @@ class LoadingPath:
         motion = work * self.unit / self._response.work * self._response.live
         return self._corrected(Place(units, motion, 0.0), work * self.unit, 100, 0.1)
 
-    def beside(self, other: Iterate) -> Place:
+    def beside(self, other: FaceIterate) -> Place:
         """The place of the same work next to a state of other blocks with the same units."""
         at = Place(self.law.at(other.force), other.motion, other.load_factor)
         return self._corrected(at, self.work(at), 40)
@@ -502,7 +502,7 @@ class LoadingPath:
         except SolverError:
             return at
 
-    def at_load(self, at: Place) -> Iterate:
+    def at_load(self, at: Place) -> FaceIterate:
         """The state at the load factor of a place, products as small as they become.
 
         Raises:
@@ -512,7 +512,7 @@ class LoadingPath:
             self.settled(self._corrected(at, None, 25), SEARCH.follow_products, None)
         )
 
-    def without_products(self, at: Place, work: float | None = None) -> Iterate:
+    def without_products(self, at: Place, work: float | None = None) -> FaceIterate:
         """The state at a work, that of the place, products as small as they become.
 
         The interior point method comes there in a few steps, or not at all; then products fall
@@ -527,7 +527,7 @@ class LoadingPath:
             at = self._corrected(at, work, 25)
         laws = self.law.strength, self._model.friction, self._model.dilatancy
         program = Program(self._model, self.equations, *laws, work, elastic=True)
-        found = solve(program, self.iterate(at), Tolerances(SEARCH.follow_products))
+        found = solve(program, self.iterate(at), FaceTolerances(SEARCH.follow_products))
         if found.gap <= SEARCH.follow_products:
             return found
         products = self._products
@@ -575,9 +575,9 @@ class Followed:
         is_whole: Whether that is the work asked for; else the path is lost there.
     """
 
-    path: LoadingPath
+    path: FacePath
     places: list[Place]
-    iterate: Iterate
+    iterate: FaceIterate
     is_whole: bool = True
 
     @property
@@ -585,7 +585,7 @@ class Followed:
         """W at the end."""
         return self.path.work(self.places[-1])
 
-    def state(self, work: float) -> Iterate:
+    def state(self, work: float) -> FaceIterate:
         """The state of the path at a work, where it first comes there.
 
         Raises:
@@ -601,7 +601,7 @@ class Followed:
                 return self.path.without_products(near, work)
         return self.path.without_products(high, work)
 
-    def top(self, higher: float) -> Iterate | None:
+    def top(self, higher: float) -> FaceIterate | None:
         """The highest state of the path, if it is higher than the end by a relative part.
 
         Between places beside the highest one the summit is looked for by its load factor.
@@ -613,7 +613,7 @@ class Followed:
             return None
         sides = self.places[max(top - 1, 0)], self.places[top], self.places[top + 1]
         low, middle, high = (self.path.work(place) for place in sides)
-        best: Iterate | None = None
+        best: FaceIterate | None = None
         known: dict[float, float] = {}
         works = [middle]
         if low < middle < high:
@@ -642,10 +642,10 @@ def between(low: Place, high: Place, part: float) -> Place:
 
 def state_at(
     model: FaceModel, load_factor: float, check_stop: Callable[[], None] = lambda: None
-) -> Iterate | None:
+) -> FaceIterate | None:
     """The state of the loading path where it first comes to a load factor; None if it does not."""
     for way in WAYS[:2]:
-        path = LoadingPath(model, Equations(model), way, SEARCH.follow_large_effort, check_stop)
+        path = FacePath(model, Equations(model), way, SEARCH.follow_large_effort, check_stop)
         with np.errstate(all="ignore"), suppress(SolverError):
             before = path.start()
             for place in path.points(before, SEARCH.follow_works):
@@ -685,9 +685,9 @@ def followed(
     large = model.blocks >= SEARCH.large_wall
     if large:  # a step is dear, and larger products are lost less often
         effort, ways = min(effort, SEARCH.follow_large_effort), LARGE_WAYS
-    furthest: LoadingPath | None = None
+    furthest: FacePath | None = None
     for way in ways:
-        path = LoadingPath(model, equations, way, effort, check_stop)
+        path = FacePath(model, equations, way, effort, check_stop)
         try:
             with np.errstate(all="ignore"):
                 places = path.followed(SEARCH.follow_works if work is None else work / path.unit)

@@ -50,7 +50,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Tolerances:
+class FaceTolerances:
     """What ends the method: relative gap, equilibrium, and motions."""
 
     gap: float = field(default_factory=lambda: SEARCH.face_gap)
@@ -86,7 +86,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Point:
+class FacePoint:
     """Unknowns of a program, or a change of them to first order.
 
     Attributes:
@@ -103,9 +103,9 @@ class Point:
     duals: Arrays
     slacks: Arrays
 
-    def plus(self, other: Point, weight: float = 1.0) -> Point:
+    def plus(self, other: FacePoint, weight: float = 1.0) -> FacePoint:
         """The sum with a multiple of another one."""
-        return Point(
+        return FacePoint(
             self.motion + weight * other.motion,
             self.load_factor + weight * other.load_factor,
             self.force + weight * other.force,
@@ -115,7 +115,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Iterate(Point):
+class FaceIterate(FacePoint):
     """A point, and how near it is to the solution.
 
     Attributes:
@@ -139,17 +139,17 @@ class Iterate(Point):
 
 
 #: Whether an iterate is good enough.
-Enough = Callable[[Iterate], bool]
+Enough = Callable[[FaceIterate], bool]
 
 
 def solve(
     program: Program,
-    start: Iterate | None = None,
-    tolerances: Tolerances | None = None,
+    start: FaceIterate | None = None,
+    tolerances: FaceTolerances | None = None,
     mu: float | None = None,
     enough: Enough = lambda iterate: False,
     options: SearchOptions = SEARCH,
-) -> Iterate:
+) -> FaceIterate:
     """The best iterate that steps from a start lead to.
 
     Args:
@@ -160,13 +160,13 @@ def solve(
         enough: Ends the steps, too.
         options: Numbers of the method.
     """
-    tolerances = tolerances or Tolerances()
+    tolerances = tolerances or FaceTolerances()
     if program.model.has_many_blocks:
         options = _patient(options)
     with np.errstate(all="ignore"):  # what is not finite ends the steps
         method = Method(program, options)
         point = method.cold(mu) if start is None else method.inside(start, mu)
-        best: Iterate | None = None
+        best: FaceIterate | None = None
         least = np.inf
         best_step = 0
         short = 0
@@ -248,7 +248,7 @@ class Method:
         normal = self.model.normal(force)
         return np.asarray(self.rows @ normal + self.factors * load_factor - self.least)
 
-    def cold(self, mu: float | None) -> Point:
+    def cold(self, mu: float | None) -> FacePoint:
         """A point far from all boundaries: pressed by the dead load and a typical force."""
         model = self.model
         shift = self.displacement * (model.force / model.unit_sizes)  # products are alike
@@ -266,9 +266,9 @@ class Method:
         duals = tuple(
             shift * cone.identity(slack) for cone, slack in zip(model.cones, slacks, strict=True)
         )
-        return self._with_rows(Point(motion, 0.0, force, duals, slacks), 1.0, mu)
+        return self._with_rows(FacePoint(motion, 0.0, force, duals, slacks), 1.0, mu)
 
-    def inside(self, start: Point, mu: float | None) -> Point:
+    def inside(self, start: FacePoint, mu: float | None) -> FacePoint:
         """A start moved away from boundaries, with products of mu at least; rows begin anew."""
         model = self.model
         cones = model.cones
@@ -296,7 +296,7 @@ class Method:
             duals = tuple(cone.raised(slack, dual, mu) for cone, slack, dual in raised)
         return replace(start, force=force, duals=(*duals, start.duals[-1]))
 
-    def _with_rows(self, start: Point, part: float, mu: float | None) -> Point:
+    def _with_rows(self, start: FacePoint, part: float, mu: float | None) -> FacePoint:
         """A start with slacks of the rows, at least a part of their terms' sizes."""
         model = self.model
         size = np.abs(self.factors) + np.abs(self.rows).max(axis=1, initial=0.0) * model.force
@@ -313,7 +313,7 @@ class Newton:
         iterate: The point with its residuals.
     """
 
-    def __init__(self, method: Method, point: Point, slacks: Arrays | None = None) -> None:
+    def __init__(self, method: Method, point: FacePoint, slacks: Arrays | None = None) -> None:
         model = method.model
         program = method.program
         self.method = method
@@ -348,7 +348,7 @@ class Newton:
             abs(self.work) / work,
             10.0 * np.abs(self.row_missing).max(initial=0.0) / scale,
         )
-        self.iterate = Iterate(
+        self.iterate = FaceIterate(
             point.motion,
             point.load_factor,
             point.force,
@@ -361,7 +361,7 @@ class Newton:
             missing_motion=float(max(motions)),
         )
 
-    def advanced(self) -> tuple[Point, float]:
+    def advanced(self) -> tuple[FacePoint, float]:
         """The point after one step, and the step's length.
 
         Raises:
@@ -455,24 +455,26 @@ class Newton:
             method.springs = Springs(left, left if method.symmetric else framed(self.right))
         return method.springs
 
-    def correction(self) -> Point:
+    def correction(self) -> FacePoint:
         """The step that takes away residuals, at the load factor and the products of the point."""
         nothing = [np.zeros_like(slack) for slack in self.slacks[:-1]]
         motion, force, shifts = self._held(nothing, 1.0)
         return self._step(motion, 0.0, force, shifts)
 
-    def tangent(self) -> Point:
+    def tangent(self) -> FacePoint:
         """The change of the point with its load factor."""
         nothing = [np.zeros_like(slack) for slack in self.slacks[:-1]]
         return self._step(self.border[:, 0], 1.0, self.changed[0], nothing)
 
-    def _step(self, motion: Array, load_factor: float, force: Array, shifts: list[Array]) -> Point:
+    def _step(
+        self, motion: Array, load_factor: float, force: Array, shifts: list[Array]
+    ) -> FacePoint:
         """A change of the forces with those of slacks and multipliers; without rows."""
         slacks = [times(gradient, force) for gradient in self.right]
         triples = zip(shifts, self.scaled[:-1], slacks, strict=True)
         duals = [shift - one.stretch(ds) for shift, one, ds in triples]
         none = np.zeros(0)
-        return Point(motion, load_factor, force, (*duals, none), (*slacks, none))
+        return FacePoint(motion, load_factor, force, (*duals, none), (*slacks, none))
 
     def _held(self, changes: Sequence[Array], residuals: float) -> tuple[Array, Array, list[Array]]:
         """Motions and forces of a direction at a given load factor; shifts of the multipliers."""
@@ -488,7 +490,7 @@ class Newton:
         motion = self.solver(right)
         return motion, times(self.inverse, wanted - model.relative(motion)), shifts
 
-    def direction(self, changes: Sequence[Array], residuals: float) -> Point:
+    def direction(self, changes: Sequence[Array], residuals: float) -> FacePoint:
         """The direction that changes the products, and takes away a part of the residuals."""
         method = self.method
         model = method.model
@@ -509,9 +511,9 @@ class Newton:
         rows = method.rows @ model.normal(force) + method.factors * border[0]
         rows = rows + residuals * self.row_missing
         motion = motion + self.border @ border
-        return Point(motion, float(border[0]), force, (*duals, border[1:]), (*slacks, rows))
+        return FacePoint(motion, float(border[0]), force, (*duals, border[1:]), (*slacks, rows))
 
-    def _second_order(self, step: Point, target: float) -> list[Array]:
+    def _second_order(self, step: FacePoint, target: float) -> list[Array]:
         """Changes of the products that the corrector aims at."""
         most = 5.0 * self.iterate.mu if self.method.curved else np.inf
         parts = zip(self.method.cones, self.scaled, step.slacks, step.duals, strict=True)
@@ -520,7 +522,7 @@ class Newton:
             for cone, one, ds, dz in parts
         ]
 
-    def _weighted(self, predictor: Point, corrector: Point, length: float) -> Point:
+    def _weighted(self, predictor: FacePoint, corrector: FacePoint, length: float) -> FacePoint:
         """Predictor and corrector with the weight that allows the longest step."""
         best = predictor.plus(corrector)
         longest = self._straight(best)
@@ -532,7 +534,7 @@ class Newton:
                 longest = found
         return best
 
-    def _pushed(self, step: Point, target: float) -> Point:
+    def _pushed(self, step: FacePoint, target: float) -> FacePoint:
         """A step with outlying products pushed back, as long as that makes it longer."""
         decade = self.method.options.decade
         length = self._straight(step)
@@ -552,14 +554,14 @@ class Newton:
             length = longer
         return step
 
-    def _straight(self, step: Point, first: int = 0) -> float:
+    def _straight(self, step: FacePoint, first: int = 0) -> float:
         """The longest step to first order; of the slacks, from a cone on."""
         cones = self.method.cones
         duals = zip(cones, self.iterate.duals, step.duals, strict=True)
         slacks = zip(cones[first:], self.slacks[first:], step.slacks[first:], strict=True)
         return min(cone.longest(place, change) for cone, place, change in (*duals, *slacks))
 
-    def _length(self, step: Point, part: float) -> float:
+    def _length(self, step: FacePoint, part: float) -> float:
         """The length of a step that stays inside all boundaries, by a part of the way to them."""
         method = self.method
         if not method.curved:

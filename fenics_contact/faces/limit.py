@@ -23,7 +23,13 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.follow import Followed, followed
-from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
+from fenics_contact.faces.kernel import (
+    FaceIterate,
+    FaceTolerances,
+    Program,
+    elastic_response,
+    solve,
+)
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
 from fenics_contact.faces.system import SHIFT, Equations
@@ -210,7 +216,7 @@ class FaceSearch:
         """Whether no more factorisations are allowed."""
         return self.equations.factorizations >= self._effort
 
-    def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
+    def _with_coulomb(self, work: float) -> tuple[FaceIterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         model = self.model
         for again in range(SEARCH.works):
@@ -250,7 +256,7 @@ class FaceSearch:
                 if self._found or missed < SEARCH.gap:
                     break
 
-    def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:
+    def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> FaceIterate:
         """The elastic state under a work, with a part theta of Coulomb's law and the rest given."""
         self._check_stop()
         model = self.model
@@ -263,9 +269,9 @@ class FaceSearch:
             work,
             elastic=True,
         )
-        return solve(program, tolerances=Tolerances(gap, 1e-5, 1e-3))
+        return solve(program, tolerances=FaceTolerances(gap, 1e-5, 1e-3))
 
-    def _certified(self, name: str, state: Iterate, work: float) -> float:
+    def _certified(self, name: str, state: FaceIterate, work: float) -> float:
         """Hand a state to the certificate; the limit with its strengths."""
         self._check_stop()
         found, limit = self._certifier.near(state, work)

@@ -23,10 +23,10 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import (
-    Iterate,
+    FaceIterate,
+    FaceTolerances,
     Program,
     Row,
-    Tolerances,
     elastic_response,
     solve,
 )
@@ -39,11 +39,11 @@ from fenics_contact.search_options import SEARCH
 EPS = float(np.finfo(float).eps)
 
 
-def associative_state(model: FaceModel, equations: Equations) -> Iterate:
+def associative_state(model: FaceModel, equations: Equations) -> FaceIterate:
     """The state of the largest load factor; near it where blocks are many."""
     program = Program(model, equations, model.strength, model.friction, model.friction)
     many = model.has_many_blocks
-    return solve(program, tolerances=Tolerances(SEARCH.rough_gap, 1e-7, 1e-4) if many else None)
+    return solve(program, tolerances=FaceTolerances(SEARCH.rough_gap, 1e-7, 1e-4) if many else None)
 
 
 def associative_end(model: FaceModel) -> float | None:
@@ -64,7 +64,7 @@ def associative_end(model: FaceModel) -> float | None:
     stands = False
     inside: list[tuple[Array, Array, float]] = []  # modes, their openings and ends
 
-    def near(iterate: Iterate) -> bool:
+    def near(iterate: FaceIterate) -> bool:
         nonlocal end, stands
         stands = stands or iterate.missing <= 10.0 * SEARCH.exact_state
         work = float(model.live @ iterate.motion)
@@ -92,7 +92,7 @@ def associative_end(model: FaceModel) -> float | None:
 
     for _ in range(SEARCH.works):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
-        found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
+        found = solve(program, enough=near, tolerances=FaceTolerances(1e-12), options=firm)
         carried += found.load_factor
         if (
             stands
@@ -209,7 +209,7 @@ def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
     if not np.any(loads):
         return True, None
 
-    def enough(iterate: Iterate) -> bool:
+    def enough(iterate: FaceIterate) -> bool:
         return iterate.load_factor >= 1.0 and iterate.missing < 1e-9
 
     # Twice the loads at most: where nothing limits them equilibrium would come late.
@@ -258,7 +258,7 @@ def widest_motion(model: FaceModel, load_factor: float) -> Array | None:
     return found.motion if near else None
 
 
-def state_under(model: FaceModel, load_factor: float) -> Iterate | None:
+def state_under(model: FaceModel, load_factor: float) -> FaceIterate | None:
     """The state at a load factor; None if none was found.
 
     It is in equilibrium and within friction. Where its gap is not zero, some joints slip, or open,
@@ -273,7 +273,7 @@ def state_under(model: FaceModel, load_factor: float) -> Iterate | None:
     return None if found is None else replace(found, load_factor=load_factor)
 
 
-def _by_work(model: FaceModel) -> Iterate | None:
+def _by_work(model: FaceModel) -> FaceIterate | None:
     """The state under the dead load as a part of that in which this load does some work.
 
     Without given strengths all conditions are homogeneous. Where the load does that work with a
@@ -291,14 +291,14 @@ def _by_work(model: FaceModel) -> Iterate | None:
     return replace(found, motion=found.motion / part, force=found.force / part)
 
 
-def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | None:
+def _state(model: FaceModel, equations: Equations, work: float) -> FaceIterate | None:
     """The elastic state in which the live load, if there is one, does some work.
 
     Where products are too small for the digits of motions, the iterate before is the state.
     """
-    near: list[Iterate] = []
+    near: list[FaceIterate] = []
 
-    def kept(iterate: Iterate) -> bool:
+    def kept(iterate: FaceIterate) -> bool:
         if iterate.within(SEARCH.rough_gap, SEARCH.exact_state, 10.0 * SEARCH.verified):
             near.append(iterate)
         return False
@@ -308,7 +308,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
     return min(near, key=lambda iterate: iterate.gap) if near else None
 
 
-def state_alone(model: FaceModel) -> Iterate | None:
+def state_alone(model: FaceModel) -> FaceIterate | None:
     """The state under the live load alone; None if none was found.
 
     Far along the live load, the dead load, given strengths and faces with them are nothing beside

@@ -31,7 +31,7 @@ REFINED = 2
 ORDERING = "MMD_AT_PLUS_A"
 
 
-class Factor:
+class ScaledFactor:
     """A factor of A."""
 
     def __init__(self, factor: Any, matrix: Any, scale: Array, order: Any) -> None:
@@ -202,7 +202,7 @@ class Equations:
         compiled.call("unit_matrices", units, size, width, local, inverse, self._place, entries)
         return entries
 
-    def factored(self, inverse: Array, symmetric: bool) -> Factor:
+    def factored(self, inverse: Array, symmetric: bool) -> ScaledFactor:
         """The factor of A.
 
         Raises:
@@ -236,4 +236,4 @@ class Equations:
         except RuntimeError as error:
             raise SolverError(f"face forces: {error}") from None
 
-        return Factor(factor, matrix, scale, self._order)
+        return ScaledFactor(factor, matrix, scale, self._order)

@@ -27,7 +27,7 @@ from fenics_contact.output.plotting import (
     save,
     whole_thrust,
 )
-from fenics_contact.output.view import Arrows, Caption, Labels, Loads, Roles, View
+from fenics_contact.output.view import Arrows, BlockLabels, Caption, Loads, Roles, View
 from fenics_contact.results.values import JointValues, TieValues
 from fenics_contact.scene.scene import JointLaw
 
@@ -59,7 +59,7 @@ CLASSES: Mapping[str, type] = {
     kind.__name__: kind
     for kinds in (
         (Figure, View, Boundary, Joints, JointLaw, JointValues, Ties, TieValues, Stencil),
-        (Loads, Arrows, Labels, Roles, Caption, StressRaster),
+        (Loads, Arrows, BlockLabels, Roles, Caption, StressRaster),
     )
     for kind in kinds
 }

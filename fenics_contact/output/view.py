@@ -70,7 +70,7 @@ NOWHERE = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
 NO_LOAD = Loads(NOWHERE, NOWHERE, NOWHERE)
 
 
-class Labels(NamedTuple):
+class BlockLabels(NamedTuple):
     """Names of the groups and places that a load acts on.
 
     Attributes:
@@ -96,8 +96,8 @@ class Roles(NamedTuple):
 
     held: tuple[tuple[str, str], ...]
     ties: tuple[str, ...]
-    live: Labels
-    dead: Labels
+    live: BlockLabels
+    dead: BlockLabels
 
 
 class Caption(NamedTuple):
@@ -242,7 +242,7 @@ def view_of(
     )
 
 
-def _labels(layout: Layout, kind: str, acting: Loads) -> Labels:
+def _labels(layout: Layout, kind: str, acting: Loads) -> BlockLabels:
     """Names of what the "dead" or "live" load acts on, beside where it does."""
     scene = layout.scene
     load: Load = getattr(scene, kind)
@@ -258,7 +258,7 @@ def _labels(layout: Layout, kind: str, acting: Loads) -> Labels:
     along = forces.vector / np.linalg.norm(forces.vector, axis=1, keepdims=True)
     named += zip(load.force, forces.place, along, strict=False)
     places = np.array([row[1:] for row in named]).reshape(-1, 2, 2)
-    return Labels(tuple(name for name, *_ in named), places[:, 0], places[:, 1])
+    return BlockLabels(tuple(name for name, *_ in named), places[:, 0], places[:, 1])
 
 
 def _loads(layout: Layout, kind: str, sign: float) -> Loads:

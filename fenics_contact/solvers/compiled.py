@@ -43,18 +43,18 @@ class _Loaded:
 
 
 @dataclass(frozen=True)
-class Structure:
+class CStructure:
     """A structure of the C texts, and the arrays that it points to."""
 
     address: Any
     fields: dict[str, Any]
 
 
-def structure(name: str, **fields: Any) -> Structure:
+def structure(name: str, **fields: Any) -> CStructure:
     """A structure with some fields: numbers, arrays, other structures."""
     ffi = load().ffi
     passed = {key: _passed(ffi, value) for key, value in fields.items()}
-    return Structure(ffi.new(f"{name} *", passed), fields | {"passed": passed})
+    return CStructure(ffi.new(f"{name} *", passed), fields | {"passed": passed})
 
 
 def call(name: str, *arguments: Any) -> int:
@@ -111,7 +111,7 @@ def is_there() -> bool:
 
 def _passed(ffi: Any, value: Any) -> Any:
     """A number as it is, an array or a structure as its address."""
-    if isinstance(value, Structure):
+    if isinstance(value, CStructure):
         return value.address
     if not isinstance(value, np.ndarray):
         return value

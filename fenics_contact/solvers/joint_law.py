@@ -38,7 +38,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.solvers.compiled import Structure, call, structure
+from fenics_contact.solvers.compiled import CStructure, call, structure
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -167,7 +167,7 @@ class PointLaws:
         """Power g |w_T| that every point takes up at given normal forces."""
         return self.given(np.maximum(pressure, 0.0)) * np.abs(slip_rate)
 
-    def compiled(self, force: float, frictional: Flags) -> Structure:
+    def compiled(self, force: float, frictional: Flags) -> CStructure:
         """The law for `laws.c`, with the typical force and the points that transmit shear."""
         return structure(
             "laws",
@@ -225,7 +225,7 @@ class LinearLaws:
     """
 
     def __init__(
-        self, law: Structure, at: Slacks, compliance: Array, largest: float, unit: float
+        self, law: CStructure, at: Slacks, compliance: Array, largest: float, unit: float
     ) -> None:
         """Linearise.
 

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.search_options import SEARCH, SearchOptions
-from fenics_contact.solvers.compiled import Structure, call, structure
+from fenics_contact.solvers.compiled import CStructure, call, structure
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
 
@@ -51,7 +51,7 @@ class Rates:
 
 
 @dataclass(frozen=True)
-class Step:
+class EliminationStep:
     """Where a step leads: displacements and joint states, still without a new factor.
 
     Attributes:
@@ -141,7 +141,7 @@ class NonlinearElimination:
         self._distances = np.zeros(count)  # of points that are not chosen, those last asked for
         self.back = self._shortest_way()
 
-    def step(self, reach: tuple[float, float] | None, ahead: float) -> Step:
+    def step(self, reach: tuple[float, float] | None, ahead: float) -> EliminationStep:
         """Go to the path, and along it.
 
         Args:
@@ -174,7 +174,7 @@ class NonlinearElimination:
         call("distances", self._points, part, s, self._motion(forces), found)
         return found
 
-    def _structure(self, table: Array) -> Structure:
+    def _structure(self, table: Array) -> CStructure:
         """Some points as `curve.c` takes them."""
         return structure("points", count=table.shape[1], table=table, **vars(self._rates))
 
@@ -313,7 +313,7 @@ class NonlinearElimination:
 
     def _curve(
         self, line: tuple[float, float, float, float], reach: tuple[float, float]
-    ) -> Structure:
+    ) -> CStructure:
         """The curve of the chosen points on a line, as `curve.c` takes it."""
         opening, slip = self.answers[:, :, self._chosen]
         c = np.concatenate([opening.T, slip.T])  # openings, then slips, for forces in turn
@@ -354,7 +354,7 @@ class NonlinearElimination:
         bends = call("trace", self._curve(line, reach), x, forward, forces, self._distances)
         return _Curve(x, line, forward, forces, bool(bends))
 
-    def _arrived(self, last: _Curve, reached: bool) -> Step:
+    def _arrived(self, last: _Curve, reached: bool) -> EliminationStep:
         """Where a place on the chosen points' curve moves the structure and all points."""
         kkt = self._linear.kkt
         problem = self._problem
@@ -376,7 +376,7 @@ class NonlinearElimination:
         call("on_laws", self._structure(self._table[:, self._chosen]), s, last.x, exact)
         values[:, self._chosen] = exact
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
-        return Step(moved, values[:, self._mine], s, reached)
+        return EliminationStep(moved, values[:, self._mine], s, reached)
 
 
 def _longer(values: Array, size: int) -> Array:

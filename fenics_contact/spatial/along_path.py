@@ -13,7 +13,7 @@ import numpy as np
 
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.follow import Followed
-from fenics_contact.faces.kernel import Iterate
+from fenics_contact.faces.kernel import FaceIterate
 from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.result import SpatialCollapse
@@ -46,7 +46,7 @@ def curve_of(
     last = _plateau(path) if count else 0.0
     points = []
     for part in (np.arange(1, count + 1) / count) ** 1.5:
-        state: Iterate | None = None
+        state: FaceIterate | None = None
         with np.errstate(all="ignore"), suppress(SolverError):
             state = path.state(last * part)
         if state is not None and _is_verified(structure, state, sign):
@@ -82,7 +82,7 @@ def _plateau(path: Followed) -> float:
     return min(2.0 * high, works[-1])
 
 
-def _moved(structure: Structure, state: Iterate) -> tuple[float, float]:
+def _moved(structure: Structure, state: FaceIterate) -> tuple[float, float]:
     """Work of the live load, N m, and the mean displacement along it, m."""
     live = structure.generalised(structure.live)
     work = abs(float(live @ state.motion)) / structure.young
@@ -96,7 +96,7 @@ def _pushed(structure: Structure) -> float:
     return float(forces or moments)
 
 
-def _is_verified(structure: Structure, state: Iterate, sign: float) -> bool:
+def _is_verified(structure: Structure, state: FaceIterate, sign: float) -> bool:
     """Whether a state has next to no products, and its forces are within equilibrium and laws."""
     given = SpatialCollapse(given=sign * state.load_factor)
     held = held_against(structure, given, state.force)

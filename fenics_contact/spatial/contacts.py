@@ -245,7 +245,7 @@ def _meetings(
     if apart > nearly:
         return
     met = False
-    planes: list[edges.Plane] = []
+    planes: list[edges.PartingPlane] = []
     if apart < -near:
         apart, planes = edges.planes_of_edges(one, two, near)
         if apart < -near:

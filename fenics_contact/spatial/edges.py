@@ -23,7 +23,7 @@ FACING, INCLINED = np.cos(np.radians([2.0, 10.0])).tolist()
 KINDS = ("edge", "shared", "doubt", "unclear")
 
 
-class Plane(NamedTuple):
+class PartingPlane(NamedTuple):
     """A plane that parts two bodies.
 
     Attributes:
@@ -39,7 +39,7 @@ class Plane(NamedTuple):
     other: Polyhedron
 
 
-def planes_of_sides(one: Polyhedron, two: Polyhedron, least: float) -> list[Plane]:
+def planes_of_sides(one: Polyhedron, two: Polyhedron, least: float) -> list[PartingPlane]:
     """Planes of sides that the other body is beyond by so much at least, m."""
     planes = []
     for sign, body, other in ((1.0, one, two), (-1.0, two, one)):
@@ -47,11 +47,13 @@ def planes_of_sides(one: Polyhedron, two: Polyhedron, least: float) -> list[Plan
         for side in np.flatnonzero(beyond >= least):
             normal = body.normals[side]
             loop = body.corners[list(body.sides[side])]
-            planes.append(Plane(sign * normal, loop, normal, other))
+            planes.append(PartingPlane(sign * normal, loop, normal, other))
     return planes
 
 
-def planes_of_edges(one: Polyhedron, two: Polyhedron, near: float) -> tuple[float, list[Plane]]:
+def planes_of_edges(
+    one: Polyhedron, two: Polyhedron, near: float
+) -> tuple[float, list[PartingPlane]]:
     """How far bodies are apart, m, below 0 if they overlap, and planes that part them.
 
     The depth is the distance from the origin to the outside of all differences of their points.
@@ -65,18 +67,18 @@ def planes_of_edges(one: Polyhedron, two: Polyhedron, near: float) -> tuple[floa
     for normal in facets[facets[:, 3] >= max(apart, 0.0) - near, :3]:
         height = one.corners @ normal
         edge = _farthest(one.corners[height >= height.max() - near])
-        planes.append(Plane(normal, edge, normal, two))
+        planes.append(PartingPlane(normal, edge, normal, two))
     return apart, planes
 
 
-def alike(planes: Sequence[Plane], cosine: float) -> list[list[Plane]]:
+def alike(planes: Sequence[PartingPlane], cosine: float) -> list[list[PartingPlane]]:
     """Planes by their normals: those of a list are along its first one."""
     normals = np.array([plane.normal for plane in planes])
     first = np.argmax(normals @ normals.T > cosine, axis=1)
     return [[planes[k] for k in np.flatnonzero(first == one)] for one in np.unique(first)]
 
 
-def touching(plane: Plane, near: float, narrow: float) -> Array:
+def touching(plane: PartingPlane, near: float, narrow: float) -> Array:
     """Ends of what a side, or an edge, has in common with an edge or corner of the other body.
 
     Returns:
@@ -103,8 +105,8 @@ def touching(plane: Plane, near: float, narrow: float) -> Array:
 
 
 def edge_contacts(
-    planes: Sequence[Plane], near: float, narrow: float
-) -> Iterator[tuple[str, Plane, Array, Array]]:
+    planes: Sequence[PartingPlane], near: float, narrow: float
+) -> Iterator[tuple[str, PartingPlane, Array, Array]]:
     """Contacts in the planes that part two bodies.
 
     Returns:
@@ -120,7 +122,7 @@ def edge_contacts(
             yield kind, group[0], np.sum([plane.normal for plane in group], axis=0), ends
 
 
-def inclined(plane: Plane) -> float:
+def inclined(plane: PartingPlane) -> float:
     """Angle to the side of the other body that faces it, degrees; 0 if there is none.
 
     Sides that face each other within the least angle count as parallel.

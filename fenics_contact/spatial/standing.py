@@ -16,7 +16,7 @@ import numpy as np
 
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.follow import state_at
-from fenics_contact.faces.kernel import Iterate
+from fenics_contact.faces.kernel import FaceIterate
 from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
@@ -61,7 +61,7 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
     return found
 
 
-def _along_path(structure: Structure, load_factor: float) -> Iterate | None:
+def _along_path(structure: Structure, load_factor: float) -> FaceIterate | None:
     """The state of the loading path where it first comes to a load factor; None if it does not."""
     sign = math.copysign(1.0, load_factor)
     model = structure.face_model(sign)
@@ -70,7 +70,7 @@ def _along_path(structure: Structure, load_factor: float) -> Iterate | None:
     return state_at(model, abs(load_factor))
 
 
-def _from_rest(model: FaceModel, load_factor: float) -> Iterate | None:
+def _from_rest(model: FaceModel, load_factor: float) -> FaceIterate | None:
     """The state under loads from rest; from ground that has not moved, if there is none else."""
     state = state_under(model, load_factor)
     if state is None and model.offset is not None:

@@ -289,7 +289,7 @@ def value_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-class Structure:
+class KeptStructure:
     """The discretisation of the last scene; the next one keeps what of it is the same."""
 
     def __init__(self) -> None:
@@ -316,7 +316,7 @@ class Structure:
         self._owner = self._last = None
 
 
-def solve(scene: Any, structure: Structure) -> Any:
+def solve(scene: Any, structure: KeptStructure) -> Any:
     """Limit load and bracket of a scene.
 
     Raises:
@@ -340,7 +340,7 @@ def solve(scene: Any, structure: Structure) -> Any:
     return replace(result, seconds=seconds)
 
 
-def solve_point(family: Family, structure: Structure, values: Values) -> Point:
+def solve_point(family: Family, structure: KeptStructure, values: Values) -> Point:
     """Limit load with these values; what goes wrong is said in its status and reason."""
     start = time.perf_counter()
     try:
@@ -382,7 +382,7 @@ def solved_points(family: Family, points: Sequence[Values], beside: Executor) ->
     Raises:
         InputError: If the scene cannot be given to other processes.
     """
-    with closing(Structure()) as structure:
+    with closing(KeptStructure()) as structure:
         if isinstance(beside, InPlace):
             for values in points:
                 yield solve_point(family, structure, values)
@@ -406,9 +406,9 @@ def _mine(future: Future[Point], beside: Executor) -> bool:
 
 
 @lru_cache(maxsize=1)
-def _given(origin: bytes) -> tuple[Family, Structure]:
+def _given(origin: bytes) -> tuple[Family, KeptStructure]:
     """The family of a worker, which keeps it from one point to the next."""
-    return Family(pickle.loads(origin), MPI.COMM_SELF), Structure()
+    return Family(pickle.loads(origin), MPI.COMM_SELF), KeptStructure()
 
 
 def point_beside(origin: bytes, values: Values) -> Point:

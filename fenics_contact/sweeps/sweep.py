@@ -44,9 +44,9 @@ from fenics_contact.search_options import SEARCH
 from fenics_contact.sweeps.points import (
     WRONG_INPUT,
     Family,
+    KeptStructure,
     Parameter,
     Point,
-    Structure,
     Values,
     grid,
     solve,
@@ -192,7 +192,7 @@ def run_sweep(
         with Discretization(scenes[-1]) as made:
             made.check_pushed()
     tell = tell or (lambda done, total, point: None)
-    rows = Table(folder or Path(), list(points[0]), tolerance)
+    rows = SweepTable(folder or Path(), list(points[0]), tolerance)
     there: list[Point] = []
     with writing(comm, folder):
         if comm.rank == 0 and folder is not None:
@@ -225,7 +225,7 @@ def run_sweep(
             replace_file(folder / PICTURE, file.getvalue())
     worst = None if family.of_blocks else done.worst
     if worst is not None and any(key.startswith("loads.") for key in worst.values):
-        with closing(Structure()) as structure:
+        with closing(KeptStructure()) as structure:
             result = solve(family.scene(worst.values), structure)
         _save_worst(result, worst.values, folder)
     return done
@@ -250,7 +250,7 @@ def _save_worst(result: Result, values: Values, folder: Path) -> None:
 # ---- the table on the disk
 
 
-class Table:
+class SweepTable:
     """Rows of a sweep on the disk, of one process.
 
     Its methods raise `OSError` where the folder cannot be written to.

@@ -16,7 +16,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.results.history import Peak
-from fenics_contact.sweeps.points import Structure, solve
+from fenics_contact.sweeps.points import KeptStructure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.helpers import mesh_of
 from tests.property.scenes import Draw
@@ -122,7 +122,7 @@ def test_not_looked_for():
     assert "solve.peak = true" in NOT_ASKED
     other = limit_load(rubble(method="fixed-point")).positive.peak
     assert other is None or (other.status == "not_known" and "method" in other.reason)
-    with_structure = Structure()
+    with_structure = KeptStructure()
     try:
         swept = solve(rubble(), with_structure).positive.peak
     finally:

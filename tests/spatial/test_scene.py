@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.faces.kernel import Program, Tolerances, solve
+from fenics_contact.faces.kernel import FaceTolerances, Program, solve
 from fenics_contact.faces.system import Equations
 from fenics_contact.spatial import (
     Block,
@@ -253,7 +253,7 @@ def test_a_support_that_settles_gives_its_load_to_others():
         program = Program(
             model, Equations(model), model.strength, model.friction, model.dilatancy, elastic=True
         )
-        state = solve(program, tolerances=Tolerances(1e-6, 1e-6, 1e-4))
+        state = solve(program, tolerances=FaceTolerances(1e-6, 1e-6, 1e-4))
         return structure.point_forces(state.force)[structure.points.contact == 1, 0].sum()
 
     stiffness = 1e9 * 0.5 / 2.25 ** (1.0 / 3.0)

@@ -366,7 +366,7 @@ def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -
     """
     dilatancy = model.planar.model.dilatancy
     given = BlockModel.of(model.planar, dilatancy, model.strength)
-    search = _Search(model, given, check_stop, upper + SEARCH.rounding * abs(upper))
+    search = _SliceSearch(model, given, check_stop, upper + SEARCH.rounding * abs(upper))
     try:
         search.run()
     except (SolverError, Stopped) as error:
@@ -395,7 +395,7 @@ class _Slice:
 
 
 @dataclass
-class _Search:
+class _SliceSearch:
     """Linear programs on the way to the lower end.
 
     Attributes:

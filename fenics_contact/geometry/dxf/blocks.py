@@ -27,7 +27,7 @@ from fenics_contact.geometry.dxf.curves import (
     snapped_curves,
 )
 from fenics_contact.geometry.dxf.faces import (
-    Faces,
+    DrawnFaces,
     bounds_faces,
     faces_between,
     missed_ends,
@@ -277,7 +277,7 @@ class _Reading:
         near: Distance within which points are the same.
         origin: Of the curves in the drawing.
         snap: By how much ends of lines were moved, at most.
-        faces: Faces between lines; None where closed curves are the blocks.
+        faces: DrawnFaces between lines; None where closed curves are the blocks.
         blocks: Outlines of blocks, in the drawing's unit.
         names: Their groups.
         voids: Outlines of openings.
@@ -289,7 +289,7 @@ class _Reading:
     near: float
     origin: Array
     snap: float
-    faces: Faces | None = None
+    faces: DrawnFaces | None = None
     blocks: list[Array] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     voids: list[Array] = field(default_factory=list)

@@ -34,7 +34,7 @@ ALONE = 0.9
 
 
 @dataclass(frozen=True)
-class Faces:
+class DrawnFaces:
     """Bounded faces between lines.
 
     Attributes:
@@ -54,7 +54,7 @@ class Faces:
     reach: float
 
 
-def faces_between(chains: Sequence[Array], near: float) -> Faces:
+def faces_between(chains: Sequence[Array], near: float) -> DrawnFaces:
     """Faces between chains of straight lines.
 
     Args:
@@ -104,14 +104,14 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     lengths = np.linalg.norm(free[:, 1] - free[:, 0], axis=1)
     areas = [abs(outline_area(outline)) for outline in outlines]
     size = float(np.sqrt(np.median(areas or np.max(lengths, initial=0.0) ** 2)))
-    return Faces(outlines, holes, edges, outer, free, SHORT * size)
+    return DrawnFaces(outlines, holes, edges, outer, free, SHORT * size)
 
 
-def missed_ends(faces: Faces, near: float, stub: float = 0.0) -> tuple[Array, Array]:
+def missed_ends(faces: DrawnFaces, near: float, stub: float = 0.0) -> tuple[Array, Array]:
     """Ends in the air, shape (ends, 2), and the distance of each to a line it stops short of.
 
     Args:
-        faces: Faces between lines, with the edges that end in the air.
+        faces: DrawnFaces between lines, with the edges that end in the air.
         near: Distance within which points are the same.
         stub: Length up to which a line that goes beyond another is no doubt.
 
@@ -127,7 +127,7 @@ def missed_ends(faces: Faces, near: float, stub: float = 0.0) -> tuple[Array, Ar
     return ends, distance
 
 
-def bounds_faces(ring: Array, faces: Faces, near: float) -> bool:
+def bounds_faces(ring: Array, faces: DrawnFaces, near: float) -> bool:
     """Whether a closed curve bounds blocks that the faces between lines alone lack.
 
     Lines end on it that would end in the air, or it goes around next to no face.
@@ -154,7 +154,7 @@ def on_lines(edges: Array, chains: Sequence[Array], near: float) -> Flags:
     return on
 
 
-def openings(faces: Faces, drawn: Flags) -> list[Array]:
+def openings(faces: DrawnFaces, drawn: Flags) -> list[Array]:
     """Outlines of openings whose lines are drawn, maybe only up to the outer edge of the whole.
 
     The drawn edges and the outer ones bound regions. One that is bounded by drawn edges alone is an

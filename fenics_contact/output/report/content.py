@@ -53,7 +53,7 @@ class Labels:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepRecord:
     """A sweep, beside a result or alone.
 
     Attributes:
@@ -98,7 +98,7 @@ class Content:
     record: Record
     pictures: Mapping[str, str] = field(default_factory=dict)
     motions: Mapping[str, Any] = field(default_factory=dict)
-    sweep: Sweep | None = None
+    sweep: SweepRecord | None = None
     labels: Labels = field(default_factory=Labels)
     missing: str = ""
     viewer: str = ""
@@ -210,7 +210,7 @@ def _address(path: Path) -> str:
     return f"data:{IMAGES[path.suffix]};base64,{data}"
 
 
-def read_sweep(folder: Path) -> Sweep | None:
+def read_sweep(folder: Path) -> SweepRecord | None:
     """The sweep in a folder; None if there is none, or one that was touched by hand.
 
     Rows without all that is shown are left out.
@@ -231,6 +231,6 @@ def read_sweep(folder: Path) -> Sweep | None:
         return None
     shown = _address(folder / SWEEP_PICTURE)
     worst = _address(folder / WORST_PICTURE)
-    return Sweep(
+    return SweepRecord(
         keys, rows, points, shown, worst, folder.resolve().name, f"{record.get('version')}"
     )

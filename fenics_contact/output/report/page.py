@@ -27,7 +27,7 @@ from fenics_contact.output.report.content import (
     Content,
     Labels,
     Record,
-    Sweep,
+    SweepRecord,
     least,
     read_content,
     read_sweep,
@@ -360,7 +360,7 @@ def sensitivity(content: Content) -> Iterator[str]:
         yield from _of_sweep(content.sweep, ROWS)
 
 
-def _of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
+def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
     """What a sweep found, with at most so many rows of its table."""
 
     def short(row: Mapping[str, str], name: str) -> str:
