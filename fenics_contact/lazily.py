@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+__all__ = ["cpp", "dolfinx_graph", "dolfinx_mesh", "fem", "fem_petsc", "io", "jit", "la", "ufl"]
 
 
 class Lazily:
@@ -16,12 +18,19 @@ class Lazily:
         return getattr(import_module(self._name), item)
 
 
-ufl = Lazily("ufl")
-cpp = Lazily("dolfinx.cpp")
-fem = Lazily("dolfinx.fem")
-fem_petsc = Lazily("dolfinx.fem.petsc")
-dolfinx_graph = Lazily("dolfinx.graph")
-dolfinx_mesh = Lazily("dolfinx.mesh")
-io = Lazily("dolfinx.io")
-jit = Lazily("dolfinx.jit")
-la = Lazily("dolfinx.la")
+if TYPE_CHECKING:
+    import ufl
+    from dolfinx import cpp, fem, io, jit, la
+    from dolfinx import graph as dolfinx_graph
+    from dolfinx import mesh as dolfinx_mesh
+    from dolfinx.fem import petsc as fem_petsc
+else:
+    ufl = Lazily("ufl")
+    cpp = Lazily("dolfinx.cpp")
+    fem = Lazily("dolfinx.fem")
+    fem_petsc = Lazily("dolfinx.fem.petsc")
+    dolfinx_graph = Lazily("dolfinx.graph")
+    dolfinx_mesh = Lazily("dolfinx.mesh")
+    io = Lazily("dolfinx.io")
+    jit = Lazily("dolfinx.jit")
+    la = Lazily("dolfinx.la")

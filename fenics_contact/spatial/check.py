@@ -57,7 +57,9 @@ def description(scene: Scene, structure: Structure) -> str:
         motion = structure.told_motions(np.array([[*movement.displacement, *movement.rotation]]))[0]
         moved, turn = np.split(motion, [scene.dimension])
         turned = ", ".join(f"{angle:g}" for angle in turn)
-        lines.append(f"{name} moves by {units.place(moved, 6)}, turns by ({turned}) degrees")
+        lines.append(
+            f"{name} moves by {units.place(moved.tolist(), 6)}, turns by ({turned}) degrees"
+        )
     for key, one in structure.acting.items():
         lines.append(f"{key}: on {one.on}, resultant {resultant(one.force)}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -130,8 +130,9 @@ class Structure:
     @cached_property
     def points(self) -> ContactPoints:
         """Points of all contacts."""
-        points = ends_of if self.dimension == 2 else partial(points_of, quick=self.quick)
-        every = [points(contact) for contact in self.contacts]
+        quick = self.quick
+        in_plane = self.dimension == 2
+        every = [ends_of(c) if in_plane else points_of(c, quick) for c in self.contacts]
         contact = np.repeat(np.arange(len(every)), [len(places) for places, _ in every])
         return ContactPoints(
             np.vstack([places for places, _ in every]),
@@ -242,7 +243,8 @@ class Structure:
         """
         mode = np.zeros((len(self.blocks), 6))
         free = FREE[self.dimension]
-        mode[np.ix_(self.number >= 0, free)] = motion.reshape(-1, len(free))
+        moving = np.flatnonzero(self.number >= 0)
+        mode[moving[:, None], free] = motion.reshape(-1, len(free))
         mode[:, 3:] /= self.size
         fastest = TINY
         for block, (*velocity, p, q, r) in zip(self.blocks, mode.tolist(), strict=True):
