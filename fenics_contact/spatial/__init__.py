@@ -7,6 +7,7 @@ contact carries pressure and Coulomb friction at points. Blocks are rigid; faces
 from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
 from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
+from fenics_contact.spatial.plane import prism
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.record import LimitLoad
 from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
@@ -30,5 +31,6 @@ __all__ = [
     "SolveOptions",
     "Tie",
     "limit_load",
+    "prism",
     "standing",
 ]

@@ -16,7 +16,8 @@ from fenics_contact import spatial as rigid
 from fenics_contact.output.report.page import write_report
 from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.toml_tables import is_of_blocks
-from fenics_contact.spatial.plane import in_plane, in_space, prism, prisms
+from fenics_contact.spatial import prism
+from fenics_contact.spatial.plane import in_plane, in_space, prisms
 from fenics_contact.sweeps.sweep import sweep
 from tests.bank import WALLS, coulomb, wall_recipe
 from tests.system.program import environment, toml
