@@ -107,6 +107,9 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
         end = engine.collapse(run)
         _log.info("  engine %s: %s %.6g", engine.name, end.status, end.load_factor)
         if run.is_answer(end):
+            for other in ENGINES[ENGINES.index(engine) + 1 :]:
+                why = run.refusal(other) or f"{engine.name} has answered"
+                _log.info("  engine %s: not asked: %s", other.name, why)
             return end
         reasons.append(end.reason)
     reason = "; ".join(filter(None, dict.fromkeys(reasons)))

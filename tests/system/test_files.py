@@ -582,6 +582,29 @@ def test_the_console_says_what_faces_prove(tmp_path, capsys):
     assert any("capacity curve" in item for item in result(tmp_path / "scene")["skipped"])
 
 
+@pytest.mark.parametrize(
+    ("changes", "lines"),
+    [
+        ({}, ["path: limit 0.3", "follow: not asked: path has answered"]),
+        (
+            {"solve.engine": "faces"},
+            ["path: not asked: faces alone is asked for", "faces: limit 0.3"],
+        ),
+        (
+            {"solve.control": "load"},
+            ["path: not asked: rising load alone is asked for", "rising load: limit 0.3"],
+        ),
+    ],
+    ids=str,
+)
+def test_the_console_says_which_engines_were_asked(changes, lines, tmp_path, capsys):
+    found = run_here(["solve", write_scene(tmp_path, changes), "-v"], capsys)
+    assert found.code == 0
+    told = [line for line in found.out.splitlines() if line.startswith("  engine ")]
+    assert len(told) == 4
+    assert [any(line.startswith(f"  engine {one}") for line in told) for one in lines] == [True] * 2
+
+
 def test_the_joints_file_says_of_which_state_it_is(tmp_path, capsys):
     scene = write_scene(tmp_path, {"solve.engine": "faces", "output.pictures": False})
     assert run_here(["solve", scene, "-q"], capsys).code == 0
