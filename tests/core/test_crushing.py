@@ -166,6 +166,7 @@ def test_without_a_loading_path_there_is_no_capacity_curve(tmp_path):
     assert (tmp_path / "result.json").exists() and not (tmp_path / "capacity.csv").exists()
 
 
+@pytest.mark.slow
 def test_blocks_whose_strains_have_no_digits_have_no_limit():
     """A bulk modulus of which floating point numbers hold nothing: faces do not know of it."""
     hopeless = {"default": Material(1e9, 0.4999999999999999, 1960.0)}

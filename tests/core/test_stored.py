@@ -112,6 +112,7 @@ def test_a_result_is_written_by_another_process(tmp_path):
             assert one.read_bytes() == other.read_bytes(), one.name
 
 
+@pytest.mark.slow
 def test_a_result_is_final(tmp_path):
     """Whatever is asked of it, what it holds stays."""
     scene = BANK["stone of 0.0001 on a block"].scene(1)

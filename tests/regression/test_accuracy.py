@@ -37,6 +37,7 @@ def test_point_hinges_are_accurate_on_two_meshes():
     assert rows[-1].estimate < 1e-3
 
 
+@pytest.mark.slow
 def test_ten_times_fewer_displacements_than_uniform_meshes():
     """W4 to 1e-3 with 1 410; seven times as many on uniform meshes are 2 % off and more."""
     result = limit_load(W4.scene(1, accuracy=1e-3))

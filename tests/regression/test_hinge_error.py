@@ -165,6 +165,7 @@ def test_what_costs_too_much_is_not_known_and_says_what_to_do():
         assert math.isnan(result.hinges.points)
 
 
+@pytest.mark.slow
 def test_running_bond_at_a_high_friction():
     """Where the load factor falls before it rises."""
     result = limit_load(BANK["10x10 coulomb 0.75"].scene(error=True))

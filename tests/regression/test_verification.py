@@ -45,8 +45,15 @@ def test_plate_moves_as_by_code_aster(quadrilaterals):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("matching", [True, False])
-@pytest.mark.parametrize(("degree", "elements"), [(1, 16), (2, 16)])
+@pytest.mark.parametrize(
+    ("degree", "elements", "matching"),
+    [
+        (1, 16, True),
+        (1, 16, False),
+        (2, 16, False),
+        pytest.param(2, 16, True, marks=pytest.mark.slow),
+    ],
+)
 def test_orders_of_convergence(degree, elements, matching):
     """Of displacement, energy, traction and load factor: at least 0.9 of theory."""
     rows = [errors(count, degree, matching) for count in (elements, 2 * elements)]

@@ -155,6 +155,7 @@ def test_state_at_a_load_factor_by_command(tmp_path, capsys):
     assert main(["stands", str(path), "--load-factor", "5"]) == 3
 
 
+@pytest.mark.slow
 def test_dome_of_the_builder_has_verified_points():
     dome = builders.dome(radius=3.0, thickness=0.5, meridians=8, rings=3)
     asked = Scene(

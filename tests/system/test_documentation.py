@@ -46,6 +46,7 @@ SLOW = (
     "docs/sweep.md",
     "docs/python.md",
     "docs/scene.md",
+    "docs/fixed_point.md",
     "docs/spatial.md",
 )
 #: Commands that install, or prepare the shell.

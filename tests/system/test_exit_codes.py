@@ -115,7 +115,7 @@ def test_3_where_only_rigid_blocks_with_associative_friction_stand(folder, capsy
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("direction", ["positive", "both"])
+@pytest.mark.parametrize("direction", ["positive", pytest.param("both", marks=pytest.mark.slow)])
 def test_4_for_a_load_factor_that_is_not_found(direction, folder, capsys):
     found, record = solved_here(folder, capsys, HOPELESS | {"solve.direction": direction})
     assert (found.code, record["status"]) == (4, "not_converged")

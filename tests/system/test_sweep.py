@@ -147,7 +147,12 @@ def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: 
 
 
 @pytest.mark.parametrize(
-    ("number", "jobs"), [(signal.SIGINT, "1"), (signal.SIGTERM, "1"), (signal.SIGTERM, "2")]
+    ("number", "jobs"),
+    [
+        (signal.SIGINT, "1"),
+        pytest.param(signal.SIGTERM, "1", marks=pytest.mark.slow),
+        (signal.SIGTERM, "2"),
+    ],
 )
 def test_ctrl_c_and_sigterm_keep_what_is_done(number, jobs, tmp_path):
     write_scene(tmp_path, mesh="wall")
