@@ -66,3 +66,5 @@ for name, blocks, push in (
     by_hand = 0.5 * THICKNESS / height
     if name == "wall" and not abs(result.load_factor - by_hand) < 1e-3 * by_hand:
         raise SystemExit(f"wall: should be {by_hand}")
+
+print(f"pictures: {FOLDER}/*/collapse.png")

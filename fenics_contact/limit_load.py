@@ -31,6 +31,7 @@ from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
+from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.lazily import fem
 from fenics_contact.output.fields import displacement_function
@@ -49,6 +50,7 @@ from fenics_contact.results.result import (
     skipped_iterations,
 )
 from fenics_contact.scene.scene import Scene
+from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import (
     InPlace,
     asked_to_stop,
@@ -326,12 +328,19 @@ def limit_load_of(
     discretization.end_when(asked or within(scene.solve.time))
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     try:
-        return _solved(discretization, monitor, seconds, beside or InPlace())
+        result = _solved(discretization, monitor, seconds, beside or InPlace())
+        return result.hold_against_brackets() if _far_apart(discretization) else result
     except Stopped as stop:
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
         nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
         return _result(discretization, dict.fromkeys(_directions(scene), nothing), seconds)
+
+
+def _far_apart(discretization: Discretization) -> bool:
+    """Whether some block is so light that residuals over typical forces say nothing of it."""
+    model = PlanarFaces.of(discretization).model
+    return bool(model.sizes.min(initial=np.inf) < 10.0 * SEARCH.verified * model.force)
 
 
 def _directions(scene: Scene) -> tuple[str, ...]:

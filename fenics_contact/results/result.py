@@ -345,7 +345,7 @@ class Collapse:
     def held_against_bracket(self) -> Collapse:
         """As `with_bracket`; the status of a limit load outside its bracket is "not_converged"."""
         held = self.with_bracket()
-        if held.in_bracket:
+        if held.in_bracket or self.status == "not_converged":
             return held
         return replace(held, status="not_converged", reason=held.contradiction)
 

@@ -71,7 +71,7 @@ def test_high_friction_has_a_verified_state_within_its_bracket(name, friction):
     assert result.status == "limit"
     lower, upper = result.bounds.lower, result.bounds.upper
     assert lower * (1.0 - 1e-6) <= result.load_factor <= upper * (1.0 + 1e-6)
-    assert result.cost <= 600.0
+    assert result.cost <= 750.0  # of both paths, which are lost, and of the faces
 
 
 @pytest.mark.parametrize("method", JOINT_METHODS)

@@ -308,8 +308,10 @@ def snapped_curves(curves: Sequence[Curve], some: Sequence[int], reach: float) -
     points = ends.point.copy()
     points[hangs] = every[:count]
     found = ends.moved(found, points, ends.angle)
-    ends = _Ends.of(found, some)
-    touching = _Ends(*(getattr(ends, item.name)[~hangs] for item in fields(ends)))
+    fixed = {*zip(ends.curve[~hangs], ends.last[~hangs], strict=True)}
+    ends = _Ends.of(found, some)  # fewer where a curve has become a point
+    kept = [end in fixed for end in zip(ends.curve, ends.last, strict=True)]
+    touching = _Ends(*(getattr(ends, item.name)[kept] for item in fields(ends)))
     return _extended(found, some, touching, reach)  # on lines that have turned a little
 
 
