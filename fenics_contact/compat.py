@@ -21,7 +21,10 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.lazily import cpp, dolfinx_graph, dolfinx_mesh, fem, io, jit, la, ufl
+from fenics_contact.lazily import Lazily, dolfinx_graph, dolfinx_mesh, fem, io, jit, la, ufl
+
+#: The C++ layer, which changes with versions.
+cpp = Lazily("dolfinx.cpp")
 
 #: Nodes of the straight-sided planar cells, by dolfinx's name.
 NODES = {"triangle": 3, "quadrilateral": 4}

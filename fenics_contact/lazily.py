@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["cpp", "dolfinx_graph", "dolfinx_mesh", "fem", "fem_petsc", "io", "jit", "la", "ufl"]
+__all__ = ["Lazily", "dolfinx_graph", "dolfinx_mesh", "fem", "fem_petsc", "io", "jit", "la", "ufl"]
 
 
 class Lazily:
@@ -20,13 +20,12 @@ class Lazily:
 
 if TYPE_CHECKING:
     import ufl
-    from dolfinx import cpp, fem, io, jit, la
+    from dolfinx import fem, io, jit, la
     from dolfinx import graph as dolfinx_graph
     from dolfinx import mesh as dolfinx_mesh
     from dolfinx.fem import petsc as fem_petsc
 else:
     ufl = Lazily("ufl")
-    cpp = Lazily("dolfinx.cpp")
     fem = Lazily("dolfinx.fem")
     fem_petsc = Lazily("dolfinx.fem.petsc")
     dolfinx_graph = Lazily("dolfinx.graph")
