@@ -64,7 +64,7 @@ class Sides(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = any(value is not None for value in vars(self).values())
+        given = any(value not in (None, ()) for value in vars(self).values())
         require(given, "no side is named: give group, block, normal, point or lines")
 
     def of(self, blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
@@ -91,7 +91,8 @@ class Sides(Checked):
         if len(front) != 2:
             return
         start = front[0]
-        for line in np.array(self.lines) - start * [1.0, 0.0, 1.0]:
+        for places in self.lines or ():
+            line = np.array(places) - start * [1.0, 0.0, 1.0]
             length = float(np.linalg.norm(front[1] - start))
             along = (front[1] - start) / length
             low, high = np.clip(np.sort(line @ along), 0.0, length)

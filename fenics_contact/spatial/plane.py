@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,8 @@ from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.surfaces import Surface, blocks_of
 
+#: Names of tables within each other, and of a key.
+KeyPath = tuple[str, ...]
 #: Keys of places and directions, (x, y), in the tables of a scene.
 VECTORS = (
     *("loads.*.body", "loads.*.direction", "loads.*.traction.*", "loads.*.force.*.force"),
@@ -39,8 +40,10 @@ VECTORS = (
 )
 #: Keys of lines between two places.
 LINES = ("sides.*.lines",)
-#: Keys of heights, which are z in space.
+#: Keys of heights in the plane, and in space.
 HEIGHTS = ("floors.*.y", "foundations.*.y")
+IN_SPACE = ("floors.*.z", "foundations.*.z")
+#: Keys of angles, which are rotations about axes in space.
 TURNS = ("loads.*.movement.*.rotation",)
 #: Builders that draw outlines; and those of space that make prisms, with what makes them so.
 DRAWN = ("facade", "bridge", "retaining_wall")
@@ -54,7 +57,7 @@ UPWARDS = {"x": ((0, -1), (1, 0)), "y": ((1, 0), (0, 1))}
 MIDDLE = np.array([0.0, -0.5, 0.0])
 
 
-def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+def in_space(tables: Mapping[str, Any], path: KeyPath = ()) -> dict[str, Any]:
     """The tables of a scene in the plane as those of one in space, but for its blocks.
 
     Raises:
@@ -62,17 +65,19 @@ def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for name, value in tables.items():
-        key = f"{place}.{name}" if place else name
+        key = (*path, name)
         if _is(key, HEIGHTS):
             found["z"] = value
-        elif _is(key, [height[:-1] + "z" for height in HEIGHTS]):
-            raise InputError(f"{key}: heights in the plane are y; give {key[:-1]}y")
-        elif _is(key, VECTORS) and isinstance(value, list):
-            require(len(value) == 2, f"{key} = {shown(value)} must be two numbers, x and y")
-            found[name] = [value[0], 0.0, value[1]]
+        elif _is(key, IN_SPACE):
+            text = f"{'.'.join(key)}: heights in the plane are y; give {'.'.join([*path, 'y'])}"
+            raise InputError(text)
+        elif _is(key, VECTORS):
+            found[name] = _lifted(key, value)
         elif _is(key, LINES) and isinstance(value, list):
-            ends = (in_space({"point": end}, "sides.of") for line in value for end in line)
-            found[name] = [[first["point"], next(ends)["point"]] for first in ends]
+            found[name] = [
+                [_lifted(key, end) for end in line] if isinstance(line, list) else line
+                for line in value
+            ]
         elif _is(key, TURNS) and isinstance(value, int | float):
             found[name] = [0.0, -value, 0.0]
         else:
@@ -80,19 +85,27 @@ def in_space(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     return found
 
 
-def in_plane(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+def _lifted(key: KeyPath, place: Any) -> Any:
+    """A place or direction (x, y) as (x, 0, y); what is no list is refused where it is read."""
+    if not isinstance(place, list):
+        return place
+    require(len(place) == 2, f"{'.'.join(key)} = {shown(place)} must be two numbers, x and y")
+    return [place[0], 0.0, place[1]]
+
+
+def in_plane(tables: Mapping[str, Any], path: KeyPath = ()) -> dict[str, Any]:
     """The reverse of `in_space`."""
     found: dict[str, Any] = {}
     for name, value in tables.items():
-        key = f"{place}.{name}" if place else name
-        if _is(key, [height[:-1] + "z" for height in HEIGHTS]):
+        key = (*path, name)
+        if _is(key, IN_SPACE):
             found["y"] = value
         elif _is(key, HEIGHTS):
             continue  # of a floor in space: from where to where it reaches
         elif _is(key, VECTORS) and value is not None:
-            found[name] = (value[0], value[2])
+            found[name] = value[::2]
         elif _is(key, LINES) and value is not None:
-            found[name] = [[(end[0], end[2]) for end in line] for line in value]
+            found[name] = [[end[::2] for end in line] for line in value]
         elif _is(key, TURNS):
             found[name] = -value[1]
         else:
@@ -100,10 +113,12 @@ def in_plane(tables: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     return found
 
 
-def _is(key: str, patterns: Sequence[str]) -> bool:
-    """Whether a key is of one of some patterns, which have as many parts."""
-    parts = key.count(".")
-    return any(parts == p.count(".") and fnmatchcase(key, p) for p in patterns)
+def _is(key: KeyPath, patterns: Sequence[str]) -> bool:
+    """Whether a key is of one of some patterns, in which any name may stand for *."""
+    for parts in (pattern.split(".") for pattern in patterns):
+        if len(parts) == len(key) and all(p in ("*", k) for p, k in zip(parts, key, strict=True)):
+            return True
+    return False
 
 
 def upright(contact: Contact) -> Contact:

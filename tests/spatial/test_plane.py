@@ -178,6 +178,9 @@ def test_places_have_two_numbers():
         ({"blocks": {"builder": "facade", "bay": 3}}, "blocks.bay"),
         ({"floors": {"roof": {"z": 2.0, "force": 1.0}}}, "heights in the plane are y"),
         ({"blocks": {}}, "blocks is missing"),
+        ({"sides": {"top": {"lines": [[[0, 2]]]}}}, "sides.top.lines"),
+        ({"sides": {"top": {"lines": [1, 2]}}}, "sides.top.lines"),
+        ({"sides": {"top": {"lines": []}}}, "no side is named"),
     ],
 )
 def test_bad_input_is_named(tmp_path, changes, text):
