@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,7 +27,7 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
-from fenics_contact.scene.scene import Bar, JointLaw
+from fenics_contact.scene.scene import JointLaw, Movement, Tie
 from fenics_contact.scene.units import Units
 
 #: Back to the start of a line of a terminal, and what is on it is gone.
@@ -414,8 +414,7 @@ def description(layout: Layout, verbose: bool = False) -> str:
         lies = f"{units.text(floor.force, 'N/m2')} on {units.length(strips.length(boundary).sum())}"
         lines.append(f"floor {name}: {lies}{', with its mass' if floor.mass else ''}")
     for name, movement in scene.dead.movement.items():
-        by = units.place(movement.displacement, 6)
-        lines.append(f"{name} moves by {by}, turns by {movement.rotation:g} degrees")
+        lines.append(f"{name} {movement_text(movement, units)}")
     lines += [f"skipped: {item}" for item in skipped(scene)] if verbose else []
     return "\n".join(lines)
 
@@ -435,17 +434,21 @@ def law_text(law: JointLaw, units: Units) -> str:
     return text + (f", gaps up to {units.length(law.gap)}" if law.gap else "")
 
 
-def tie_text(
-    tie: Bar, units: Units, per: str = "N", told: Callable[[Any], Any] = lambda place: place
-) -> str:
-    """Ends of a tie, of places what is told, and what it carries, as given in a unit of forces."""
+def movement_text(movement: Movement, units: Units) -> str:
+    """How far a support or ground moves and turns."""
+    turn = movement.rotation
+    by = f"{turn:g}" if isinstance(turn, float) else f"({', '.join(f'{a:g}' for a in turn)})"
+    return f"moves by {units.place(movement.displacement, 6)}, turns by {by} degrees"
+
+
+def tie_text(tie: Tie, units: Units, per: str = "N") -> str:
+    """Ends of a tie, and what it carries, as given in a unit of forces."""
     ends = [
-        units.place(told(end), 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
+        units.place(end, 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
         for end in (tie.from_, tie.ground or tie.to)
     ]
     text = f"from {ends[0]} to {'the ground at ' if tie.ground else ''}{ends[1]}"
     text += f", yield {units.text(tie.yield_, per)}"
     text += f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
     text += f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
-    spacing = getattr(tie, "spacing", None)
-    return text + (f", every {units.length(spacing)}" if spacing else "")
+    return text + (f", every {units.length(tie.spacing)}" if tie.spacing else "")

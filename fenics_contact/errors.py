@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 import textwrap
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, wraps
 from types import UnionType
@@ -93,13 +93,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 #: Names of the types that a value must have exactly.
 EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
+#: A place, direction or force: two numbers in the plane, three in space.
+IN_PLANE = tuple[float, float]
+IN_SPACE = tuple[float, float, float]
+if TYPE_CHECKING:
+    Vector = tuple[float, ...]
+else:
+    Vector = IN_PLANE | IN_SPACE
 #: What sequences are of, in words.
 _SEVERAL: dict[Any, str] = {
     float: "numbers",
     int: "whole numbers",
     str: "strings",
-    tuple[float, float]: "pairs of numbers",
-    tuple[float, float, float]: "places [x, y, z]",
+    IN_PLANE: "pairs of numbers",
+    IN_SPACE: "places [x, y, z]",
 }
 #: Whole numbers are counts: of blocks, elements, steps, points.
 LARGEST_COUNT = 1_000_000
@@ -120,7 +127,7 @@ def checked(function: F) -> F:
 
     @wraps(function)
     def inner(*arguments: Any, **named: Any) -> Any:
-        kinds = _kinds(function)
+        kinds = types_of(function)
         for name, value in [*zip(positional, arguments, strict=False), *named.items()]:
             if name in kinds:
                 check_type(key_of(name), value, kinds[name])
@@ -132,7 +139,7 @@ def checked(function: F) -> F:
 
 
 #: Annotations of a function or dataclass.
-_kinds = cache(get_type_hints)
+types_of: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
 def check_types(item: Any) -> None:
@@ -143,10 +150,11 @@ def check_types(item: Any) -> None:
     Raises:
         InputError: The message names the field.
     """
-    for name, kind in _kinds(cast(Hashable, type(item))).items():
+    kinds = types_of(type(item))
+    for name in item.__dataclass_fields__:
         value = getattr(item, name)
-        check_type(key_of(name), value, kind)
-        object.__setattr__(item, name, with_floats(value, kind))
+        check_type(key_of(name), value, kinds[name])
+        object.__setattr__(item, name, with_floats(value, kinds[name]))
 
 
 def with_floats(value: Any, kind: Any) -> Any:
@@ -196,6 +204,7 @@ def check_type(key: str, value: Any, kind: Any) -> None:
     """
     import numpy as np  # not installed, perhaps, where this module is imported
 
+    in_both = IN_SPACE in get_args(kind)
     is_array = kind == np.typing.ArrayLike or get_origin(kind) is np.ndarray
     if isinstance(value, np.generic):
         value = value.item()
@@ -233,6 +242,7 @@ def check_type(key: str, value: Any, kind: Any) -> None:
                 check_type(key, item, inner[0])
         else:
             must = "two numbers, [x, y]" if len(inner) == 2 else "three numbers, [x, y, z]"
+            must += ", or three in space" * (in_both and len(inner) == 2)
     elif origin in (Sequence, list, tuple):
         if not is_list:
             must = f"a list of {_SEVERAL[inner[0]]}" if inner[0] in _SEVERAL else "a list"

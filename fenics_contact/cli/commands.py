@@ -146,9 +146,9 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
 def _scene_of(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> Any:
     """A scene of a mesh, or of rigid blocks, from the tables of a file in a folder."""
     if is_of_blocks(tables):
-        from fenics_contact.spatial.scene import Scene as SpatialScene
+        from fenics_contact.spatial.scene import BlockScene
 
-        return SpatialScene.from_tables(tables, folder)
+        return BlockScene.from_tables(tables, folder)
     return Scene.from_tables(
         tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
     )

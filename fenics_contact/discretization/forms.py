@@ -22,7 +22,7 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.errors import InputError, raised_together
+from fenics_contact.errors import InputError, Vector, raised_together
 from fenics_contact.geometry.mesh import BlockMesh, Labels, Names
 from fenics_contact.lazily import dolfinx_mesh, fem, ufl
 from fenics_contact.scene.scene import LoadForm, Scene
@@ -79,13 +79,13 @@ class BodyLoad:
         v = ufl.TestFunction(space)
         self._form = fem.form(density * ufl.inner(self._force, v) * ufl.dx)
 
-    def form(self, acceleration: tuple[float, float]) -> fem.Form:
+    def form(self, acceleration: Vector) -> fem.Form:
         """The form with an acceleration, m/s2, until it is asked for another one."""
         self._force.value = acceleration
         return self._form
 
 
-def edge_load(space: Any, facets: Labels, traction: tuple[float, float]) -> fem.Form:
+def edge_load(space: Any, facets: Labels, traction: Vector) -> fem.Form:
     """Form of the nodal forces of a traction, Pa, on rising local facets."""
     tags = dolfinx_mesh.meshtags(space.mesh, 1, facets, np.ones(len(facets), dtype=np.int32))
     ds = ufl.Measure("ds", domain=space.mesh, subdomain_data=tags)

@@ -46,10 +46,10 @@ from fenics_contact.discretization.facets import (
     shape_functions,
 )
 from fenics_contact.discretization.forms import given_load
-from fenics_contact.errors import InputError, raised_together
+from fenics_contact.errors import InputError, Vector, raised_together
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.lazily import fem
-from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene, Soil
+from fenics_contact.scene.scene import GRAVITY, EarthPressure, Force, Load, Scene, Soil
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ NOTHING = 1e-9
 UNEVEN = 0.1
 
 
-def upward(body: tuple[float, float]) -> Array:
+def upward(body: Vector) -> Array:
     """Unit vector against a body force; along y where there is none."""
     size = math.hypot(*body)
     return -np.array(body) / size if size > 0.0 else np.array([0.0, 1.0])
@@ -135,27 +135,27 @@ def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
         mine = looks_up if floor.at is None else looks_up & (boundary.role([floor.at]) == 0)
         strips = Strips.between(boundary, mine, 0, floor.x or (-np.inf, np.inf))
         height = boundary.points[strips.facets, :2, 1]
-        if floor.y is not None:
+        if floor.height is not None:
             # At its height, or at the highest level below it within a gap of joints.
             near = CLOSED * boundary.length[strips.facets, None]
-            within = (height <= floor.y + near) & (height >= floor.y - gap - near)
+            within = (height <= floor.height + near) & (height >= floor.height - gap - near)
             under = np.all(within, axis=1)
             top = height[under].max(initial=-np.inf)
             rows = under & np.all(height >= top - near, axis=1)
-            rows = _with_uneven(boundary, strips, rows, np.abs(height - floor.y).max(axis=1))
+            rows = _with_uneven(boundary, strips, rows, np.abs(height - floor.height).max(axis=1))
             strips = Strips(strips.facets[rows], strips.start[rows], strips.end[rows])
         found[name] = strips
         if len(strips.facets):
             continue
-        if floor.y is None:
+        if floor.height is None:
             missed = f"at = '{floor.at}': no side of this group looks up; name top sides"
         else:
-            missed = f"y = {floor.y:g}: no top side of a block is at this height there; "
+            missed = f"y = {floor.height:g}: no top side of a block is at this height there; "
             places = height.ravel()
             if len(places) == 0:
                 missed += "give x where blocks are"
             else:
-                nearest = places[np.argmin(np.abs(places - floor.y))]
+                nearest = places[np.argmin(np.abs(places - floor.height))]
                 missed += f"the nearest is at y = {nearest:g}"
         raise InputError(f"floors.{name}.{missed}")
     return found
@@ -242,10 +242,6 @@ def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
     arm = np.stack(np.broadcast_arrays(height[..., None], across), axis=-1).reshape(*flat, 2)
     place = reference_places(corners[row], arm @ axes.T)
     return cells[row], place, area.reshape(flat), arm[..., 0] + base[row]
-
-
-#: Weight of a mass of 1 kg, N, by which the weight of a floor gives its mass.
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -476,7 +472,7 @@ def forces_on_facets(
     return [(strips.facets, force) for strips, force in found]
 
 
-def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[Strips, Array]:
+def _at_place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[Strips, Array]:
     """Where a force acts, and its forces on the nodes; along the line of the facet it meets."""
     facet, place = _place(boundary, free, load, key)
     ends = boundary.points[facet, :2]
@@ -507,26 +503,26 @@ def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tup
     )
 
 
-def _place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[int, Array]:
+def _place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[int, Array]:
     """Facet that a force meets, and where."""
     first, second = boundary.points[:, :2].swapaxes(0, 1)
     along = second - first
+    place = np.array([load.x, load.y], dtype=float)
     if load.y is None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            s = (load.x - first[:, 0]) / along[:, 0]
+            s = (place[0] - first[:, 0]) / along[:, 0]
         above = free & (boundary.normal[:, 1] > ALIKE) & (s >= -1e-9) & (s <= 1.0 + 1e-9)
         if not np.any(above):
-            raise InputError(f"{key}: no edge looks up at x = {load.x:g}; give y as well")
+            raise InputError(f"{key}: no edge looks up at x = {place[0]:g}; give y as well")
         at = first[above] + s[above, None] * along[above]
         highest = int(np.argmax(at[:, 1]))
         return int(np.flatnonzero(above)[highest]), at[highest]
-    place = np.array([load.x, load.y])
     at = boundary.nearest(place)
     distance = np.where(free, np.linalg.norm(at - place, axis=1), np.inf)
     facet = int(np.argmin(distance))
     if distance[facet] > boundary.length[facet]:
         raise InputError(
-            f"{key}: no free edge at ({load.x:g}, {load.y:g}); the next is at"
+            f"{key}: no free edge at ({place[0]:g}, {place[1]:g}); the next is at"
             f" ({at[facet, 0]:g}, {at[facet, 1]:g})"
         )
     return facet, at[facet]

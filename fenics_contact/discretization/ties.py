@@ -41,7 +41,7 @@ from fenics_contact.discretization.facets import (
     reference_places,
     shape_functions,
 )
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, Vector
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
 from fenics_contact.scene.scene import Scene
 
@@ -195,7 +195,7 @@ def find_ties(scene: Scene, boundary: Boundary, space: Any) -> Ties:
 
 
 def _ends(
-    mesh: BlockMesh, boundary: Boundary, space: Any, where: tuple[float, float] | str, key: str
+    mesh: BlockMesh, boundary: Boundary, space: Any, where: Vector | str, key: str
 ) -> list[_End]:
     """Ends of the bars of a tie at one of its ends. Collective.
 

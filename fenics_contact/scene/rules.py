@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
-from fenics_contact.errors import check_types, key_of, require
+from fenics_contact.errors import (
+    IN_PLANE,
+    IN_SPACE,
+    InputError,
+    check_type,
+    check_types,
+    key_of,
+    kind_of,
+    require,
+    types_of,
+)
 
 #: Heights of a profile: cells are cut there.
 MOST_HEIGHTS = 100
@@ -16,6 +26,14 @@ MOST_HEIGHTS = 100
 MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
+VECTORS = {IN_PLANE, IN_SPACE}
+#: Kinds of scenes that take a key, in words.
+OF = {
+    "mesh": "of scenes with a mesh",
+    "blocks": "of scenes of rigid blocks without a mesh",
+    "plane": "of scenes in the plane",
+    "space": "of scenes in space; heights in the plane are y",
+}
 
 
 def require_size(name: str, value: float) -> None:
@@ -80,16 +98,32 @@ NOT_NEGATIVE = rule(lambda v: 0.0 <= v < math.inf, "must be finite and >= 0", re
 STRENGTH = rule(lambda v: v > 0.0, "must be a positive number (Pa)", NOT_NEGATIVE)
 POSITIVE = rule(lambda v: v > 0.0, "must be a positive number", NOT_NEGATIVE)
 FINITE = rule(math.isfinite, "must be a finite number (m)")
+DIRECTION = rule(any, "must be a direction, not zero", require_vector)
 
 
-def ruled(keeps_to: Rule, default: Any = MISSING) -> Any:
-    """A field whose values, if not None, keep to a rule."""
-    return field(default=default, metadata={"rule": keeps_to})
+def ruled(keeps_to: Rule, default: Any = MISSING, of: str = "") -> Any:
+    """A field whose values, if not None, keep to a rule; `of`: see `only`."""
+    return field(default=default, metadata={"rule": keeps_to, "of": of})
 
 
-def one_of(*known: str) -> Any:
+def only(of: str, default: Any = None) -> Any:
+    """A field of scenes of one kind, see `OF`."""
+    return field(default=default, metadata={"of": of})
+
+
+def is_of(item: Field[Any], scene: Collection[str]) -> bool:
+    """Whether a field is one of scenes of some kinds."""
+    return item.metadata.get("of", "") in ("", *scene)
+
+
+def named(keeps_to: Rule | None = None, of: str = "") -> Any:
+    """A field that is a table of any names, by default empty, whose values keep to a rule."""
+    return field(default_factory=dict, metadata={"rule": keeps_to, "of": of})
+
+
+def one_of(*known: str, of: str = "") -> Any:
     """A field with one of these texts, by default the first."""
-    return ruled(lambda name, value: require_choice(name, value, known), known[0])
+    return ruled(lambda name, value: require_choice(name, value, known), known[0], of)
 
 
 @dataclass(frozen=True)
@@ -100,8 +134,49 @@ class Checked:
         check_types(self)
         for item in fields(self):
             value = getattr(self, item.name)
-            if value is not None and "rule" in item.metadata:
-                item.metadata["rule"](key_of(item.name), value)
+            key = key_of(item.name)
+            if value is not None and (rule := item.metadata.get("rule")):
+                table = value if isinstance(value, Mapping) else {}
+                for name, one in table.items():
+                    rule(f"{key}.{name}", one)
+                if value is not table:
+                    rule(key, value)
+
+
+def require_fit(key: str, value: Any, kind: Any, scene: Collection[str]) -> None:
+    """Refuse what a scene does not take: keys of other kinds, vectors of another dimension.
+
+    Args:
+        key: Of the value in a scene file.
+        value: A part of a scene.
+        kind: Its type. One that is a number or a tuple is a number in the plane.
+        scene: Kinds that the scene is of, see `OF`.
+
+    Raises:
+        InputError: The message names the key.
+    """
+    several = get_args(kind)
+    in_plane = "plane" in scene
+    if is_dataclass(value):
+        for item in fields(value):
+            inner = f"{key}.{key_of(item.name)}"
+            given = getattr(value, item.name)
+            if is_of(item, scene) and given != item.default:
+                require_fit(inner, given, types_of(type(value))[item.name], scene)
+            elif given and given != item.default:
+                raise InputError(f"{inner} is {OF[item.metadata['of']]}; leave it out")
+    elif isinstance(value, Mapping):
+        for name, one in value.items():
+            require_fit(f"{key}.{name}", one, several[1], scene)
+    elif float in several and (longer := [one for one in several if get_args(one)]):
+        if value:
+            check_type(key, value, float if in_plane else longer[0])
+    elif isinstance(value, tuple) and VECTORS <= set(several):
+        check_type(key, value, IN_PLANE if in_plane else IN_SPACE)
+    elif isinstance(value, tuple):
+        inner_kind = get_args(kind_of(value, kind))[0]
+        for number, one in enumerate(value):
+            require_fit(f"{key}[{number}]", one, inner_kind, scene)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -6,8 +6,8 @@ import cmath
 import copy
 import math
 import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,19 +16,33 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, check_types, checked, key_of, require, shown
+from fenics_contact.errors import (
+    InputError,
+    Vector,
+    check_types,
+    checked,
+    key_of,
+    require,
+    shown,
+    types_of,
+)
 from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.rules import (
+    DIRECTION,
     FINITE,
     MOST_TILT,
     NOT_NEGATIVE,
     POSITIVE,
     STRENGTH,
     Checked,
+    is_of,
     listed,
+    named,
     one_of,
+    only,
     require_choice,
+    require_fit,
     require_profile,
     require_size,
     require_vector,
@@ -36,8 +50,9 @@ from fenics_contact.scene.rules import (
     ruled,
     within,
 )
-from fenics_contact.scene.toml_tables import from_table, read_toml
+from fenics_contact.scene.toml_tables import assign, from_table, read_toml
 from fenics_contact.scene.units import UNITS, Units
+from fenics_contact.search_options import SEARCH
 
 #: Values that strings of tables can have, by name of their key.
 SUPPORTS = ("fixed", "roller")
@@ -67,6 +82,13 @@ LONGEST_TITLE = 1000
 SAME_ANGLE = 1e-5
 #: Components of forces below this part of their size are rounding.
 ROUNDING = 1e-9
+#: Fields of scenes and their files that are not alike.
+APART = (
+    *("mesh", "blocks", "plane", "degree", "dimension", "thickness", "read", "notes"),
+    *("loads", "live", "dead"),
+)
+#: Acceleration of a load that is given by its direction, and of the mass of a floor, m/s2.
+GRAVITY = 9.81
 #: Largest friction: programs for rigid blocks take coefficients up to 1e15.
 MOST_FRICTION = 1e12
 #: Largest height of soil and water, m, also in map coordinates.
@@ -94,16 +116,17 @@ class Material(Checked):
     """Linear elasticity and weight.
 
     Attributes:
-        young: Young's modulus, Pa.
+        young: Young's modulus, Pa. Of rigid blocks it is that of their joints, and turns movements
+            and stiffnesses of ties into forces.
         poisson: Poisson's ratio.
         density: kg/m3.
         compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
     """
 
     young: float = ruled(
-        rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size)
+        rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size), 5e9
     )
-    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"))
+    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2)
     density: float = ruled(NOT_NEGATIVE, 0.0)
     compressive_strength: float | None = ruled(STRENGTH, None)
 
@@ -197,20 +220,37 @@ class JointLaw(Checked):
 
 
 @dataclass(frozen=True)
-class EdgeForce(Checked):
-    """A force at a place of the structure's outside, wherever nodes are.
+class Force(Checked):
+    """A force: with a mesh on an edge, wherever nodes are; else on a block or on sides.
 
     Attributes:
-        force: N per metre of thickness.
+        force: N, in the plane per metre of thickness.
         x: Place, m.
         y: Place, m; where left out, the highest edge above or below `x` that looks up.
         width: The force is spread evenly over so much of the edge, m; 0 for a point.
+        block: Name of the block that it acts on; by default the one at `at`.
+        at: Where, m; by default the block's centroid.
+        sides: Name of sides that it is spread over evenly, in place of a block.
     """
 
-    force: tuple[float, float] = ruled(require_vector)
-    x: float = ruled(FINITE)
-    y: float | None = ruled(FINITE, None)
-    width: float = ruled(NOT_NEGATIVE, 0.0)
+    force: Vector = ruled(require_vector)
+    x: float | None = ruled(FINITE, None, of="mesh")
+    y: float | None = ruled(FINITE, None, of="mesh")
+    width: float = ruled(NOT_NEGATIVE, 0.0, of="mesh")
+    block: str | None = only("blocks")
+    at: Vector | None = ruled(require_vector, None, of="blocks")
+    sides: str | None = only("blocks")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        placed = self.block is not None or self.at is not None
+        given = [self.x is not None, placed, self.sides is not None]
+        text = "x is missing; with blocks in place of a mesh give either block or at, or sides"
+        require(given.count(True) == 1, text)
+
+
+#: Its name in scenes with a mesh.
+EdgeForce = Force
 
 
 @dataclass(frozen=True)
@@ -239,42 +279,52 @@ class EarthPressure(Checked):
     )
 
 
+def _require_small(name: str, value: float | tuple[float, ...]) -> None:
+    """Refuse angles that are not small."""
+    angles = value if isinstance(value, tuple) else (value,)
+    text = f"{name} = {shown(value)} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees"
+    require(all(abs(angle) <= MOST_TILT for angle in angles), text)
+
+
 @dataclass(frozen=True)
 class Movement(Checked):
-    """A small movement of a support or foundation: settlement, spreading, tilt.
+    """A small movement of a support, a foundation or ground: settlement, spreading, tilt.
 
     Attributes:
-        displacement: Of the middle of its edges, m.
-        rotation: About this point, degrees, anticlockwise.
+        displacement: Of the middle of its edges, or of its centroid, m.
+        rotation: About this point, degrees, anticlockwise; in space about three axes.
     """
 
-    displacement: tuple[float, float] = ruled(require_vector, (0.0, 0.0))
-    rotation: float = ruled(
-        within(-MOST_TILT, MOST_TILT, f"must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees"), 0.0
-    )
+    displacement: Vector = ruled(require_vector, (0.0, 0.0))
+    rotation: float | tuple[float, float, float] = ruled(_require_small, 0.0)
 
 
 @dataclass(frozen=True)
-class Bar(Checked):
+class Tie(Checked):
     """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
 
     Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
+    Forces are N, in the plane per metre of thickness.
 
     Attributes:
-        from_: Where it begins: a place in a block, m.
+        from_: Where it begins: a place in a block, m, or the name of a one-dimensional group.
         yield_: Tension at which it yields.
-        to: Where it ends: a place in another block.
+        to: Where it ends, likewise, in another block.
         ground: The place in the ground where it ends, m, in place of `to`.
-        stiffness: E A / L.
+        stiffness: E A / L, N/m; None: it does not stretch until it yields; between rigid blocks it
+            is as stiff as a typical point of the joints.
         prestress: Tension in the structure as drawn.
+        spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
+            and the stiffness that of one, N/m.
     """
 
-    from_: tuple[float, ...] | str = ruled(require_vector)
+    from_: Vector | str = ruled(require_vector)
     yield_: float = ruled(POSITIVE)
-    to: tuple[float, ...] | str | None = ruled(require_vector, None)
-    ground: tuple[float, ...] | None = ruled(require_vector, None)
+    to: Vector | str | None = ruled(require_vector, None)
+    ground: Vector | None = ruled(require_vector, None)
     stiffness: float | None = ruled(POSITIVE, None)
     prestress: float = ruled(NOT_NEGATIVE, 0.0)
+    spacing: float | None = ruled(POSITIVE, None, of="mesh")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -282,62 +332,56 @@ class Bar(Checked):
         within = self.prestress <= self.yield_
         require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
 
-
-@dataclass(frozen=True)
-class Tie(Bar):
-    """A bar of the structure in the plane, see `Bar`; forces are N per metre of thickness.
-
-    Attributes:
-        from_: Where it begins: a place in a block, m, or the name of a one-dimensional group.
-        to: Where it ends, likewise.
-        ground: The place in the ground where it ends, m, in place of `to`.
-        stiffness: E A / L, N/m per metre of thickness; None: it does not stretch until it yields.
-        spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
-            and the stiffness that of one, N/m.
-    """
-
-    from_: tuple[float, float] | str = ruled(require_vector)
-    to: tuple[float, float] | str | None = ruled(require_vector, None)
-    ground: tuple[float, float] | None = ruled(require_vector, None)
-    spacing: float | None = ruled(POSITIVE, None)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        known = self.stiffness is not None or self.prestress == 0.0
-        require(known, "prestress needs stiffness: a tie that does not stretch keeps no force")
-
     @property
     def per_metre(self) -> float:
         """Ties per metre of thickness, 1 where forces are given so."""
         return 1.0 if self.spacing is None else 1.0 / self.spacing
 
 
+def _require_range(name: str, value: float | tuple[float, float]) -> None:
+    """Refuse a place that is not finite, or a range that does not rise."""
+    ends = value if isinstance(value, tuple) else (value, math.inf)
+    require(math.isfinite(ends[0]), f"{name} = {shown(value)} must be finite (m)")
+    require(ends[0] < ends[1], f"{name} = {shown(value)} must rise, [from, to]")
+
+
 @dataclass(frozen=True)
 class Floor(Checked):
     """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
 
+    On rigid blocks each top side gets weight by the area on which the floor lies on it.
+
     Attributes:
-        force: Its weight, N per metre of width, measured level, and metre of thickness.
+        force: Its weight per area of its plan, N/m2.
         at: Name of a one-dimensional group: it lies on those sides of it that look up.
         y: Height of the sides that it lies on, m, in place of a group; where blocks touch there,
-            it lies on those below.
-        x: From where to where it lies at `y`, m.
+            it lies on those below. In space from where to where it reaches.
+        x: From where to where it reaches, m; by default as far as top sides at that height.
         mass: Whether the live body force acts on its mass, force / 9.81 m/s2, too.
+        z: Height in space, m.
+        group: Only blocks of this group carry it.
     """
 
     force: float = ruled(NOT_NEGATIVE)
-    at: str | None = None
-    y: float | None = ruled(FINITE, None)
-    x: tuple[float, float] | None = ruled(require_vector, None)
+    at: str | None = only("mesh")
+    y: float | tuple[float, float] | None = ruled(_require_range, None)
+    x: tuple[float, float] | None = ruled(_require_range, None)
     mass: bool = False
+    z: float | None = ruled(FINITE, None, of="space")
+    group: str | None = only("blocks")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = [self.at is not None, self.y is not None, self.x is not None]
-        one = given in ([True, False, False], [False, True, True])
-        require(one, "give either at, a group of top sides, or y, a height, with x = [from, to]")
-        rises = self.x is None or self.x[0] < self.x[1]
-        require(rises, f"x = {list(self.x or ())} must rise, [from, to]")
+        height = self.z is not None or isinstance(self.y, float)
+        text = "at: give either at, a group of top sides, or a height: y, in space z"
+        require(height != (self.at is not None), text)
+        beside = self.at is not None and self.x is not None
+        require(not beside, "x goes with y: give either at, a group of top sides, or y")
+
+    @property
+    def height(self) -> float | None:
+        """Height of the sides that it lies on, m; None where a group is given."""
+        return self.y if isinstance(self.y, float) else self.z
 
 
 @dataclass(frozen=True)
@@ -419,21 +463,20 @@ class Load(Checked):
         form: In Python only: a function (v, dx, ds) that returns a UFL form, linear in the test
             function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
+        direction: That of `body` in place of it: 9.81 m/s2 this way.
     """
 
-    body: tuple[float, float] = ruled(require_vector, (0.0, 0.0))
-    traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tilt: float | bool = ruled(within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
-    force: Mapping[str, EdgeForce] = field(default_factory=dict)
-    earth: Mapping[str, EarthPressure] = field(default_factory=dict)
-    movement: Mapping[str, Movement] = field(default_factory=dict)
+    body: Vector = ruled(require_vector, (0.0, 0.0))
+    traction: Mapping[str, Vector] = named(require_vector)
+    tilt: float | bool = ruled(
+        within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0, of="mesh"
+    )
+    force: Mapping[str, Force] = named()
+    earth: Mapping[str, EarthPressure] = named(of="mesh")
+    movement: Mapping[str, Movement] = named()
     profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
-    form: LoadForm | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, value in self.traction.items():
-            require_vector(f"traction.{name}", value)
+    form: LoadForm | None = only("mesh")
+    direction: Vector | None = ruled(DIRECTION, None, of="blocks")
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("form", self.form)
@@ -444,12 +487,15 @@ class Load(Checked):
         return replace(self, **{name: copy.deepcopy(getattr(self, name), memo) for name in names})
 
     @property
-    def acceleration(self) -> tuple[float, float]:
+    def acceleration(self) -> Vector:
         """The body force per mass, tilted, m/s2."""
-        if isinstance(self.tilt, bool):
+        if self.direction is not None:
+            size = math.hypot(*self.direction)
+            return tuple(GRAVITY * part / size for part in self.direction)
+        if isinstance(self.tilt, bool) or not self.tilt:
             return self.body
         turned = complex(*self.body) * cmath.rect(1.0, math.radians(self.tilt))
-        return (turned.real, turned.imag) if self.tilt else self.body
+        return turned.real, turned.imag
 
     @property
     def on_table(self) -> bool:
@@ -472,7 +518,7 @@ class SolveOptions(Checked):
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, by the face engine; None: yes, but
-            not in sweeps, nor from 1 000 blocks on.
+            not in sweeps, nor from 1 000 blocks on; of rigid blocks then from one start.
         range: Look for the range of load factors of the mechanism; None: yes, but not in sweeps.
         error: Look for the load factor with shorter hinges than those of the mesh: True, with up to
             3 times the work of the limit load, False, or None: with at most half of that work.
@@ -487,31 +533,42 @@ class SolveOptions(Checked):
             faces, or "auto": the path below 100 blocks and where it soon comes to its end, else the
             faces.
         gap: Largest gap, relative, of a load factor by the faces; None: 1e-3, 5e-3 from 1 000
-            blocks on.
+            blocks with a mesh on.
         fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
             says more about them.
         distribute: Whether several ranks share out the mesh: False, or None where the mesh file is
             no larger than 250 MB: each holds the whole mesh, and they share the tasks. Of the
             command line; a scene made in Python shares its mesh as `BlockMesh` was given ranks.
+        quick: Forces at the corners of contacts alone: torsion is not limited.
     """
 
-    method: str = one_of("auto", "fixed-point", "monolithic", "splitting", "active-set")
+    method: str = one_of("auto", "fixed-point", "monolithic", "splitting", "active-set", of="mesh")
     direction: str = one_of("positive", "negative", "both")
-    tolerance: float = ruled(within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6)
-    control: str = one_of("work", "load")
-    slip: str = one_of("stress-free", "load-steps")
+    tolerance: float = ruled(within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6, of="mesh")
+    control: str = one_of("work", "load", of="mesh")
+    slip: str = one_of("stress-free", "load-steps", of="mesh")
     states: str = one_of("first", "lowest")
     lowest: bool | None = None
-    range: bool | None = None
-    error: bool | None = None
-    accuracy: float | None = ruled(within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
+    range: bool | None = only("mesh")
+    error: bool | None = only("mesh")
+    accuracy: float | None = ruled(
+        within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None, of="mesh"
+    )
     peak: bool | None = None
     time: float | None = ruled(rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
-    engine: str = one_of("auto", "path", "faces", "follow")
+    engine: str = one_of("auto", "path", "faces", "follow", of="mesh")
     gap: float | None = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
-    distribute: bool | None = None
-    relaxation: float | None = ruled(rule(lambda v: 0.0 < v <= 2.0, "must lie in 0 ... 2"), None)
+    distribute: bool | None = only("mesh")
+    relaxation: float | None = ruled(
+        rule(lambda v: 0.0 < v <= 2.0, "must lie in 0 ... 2"), None, of="mesh"
+    )
+    quick: bool = only("blocks", False)
+
+    @property
+    def asked_gap(self) -> float:
+        """Largest gap of a load factor of rigid blocks, relative."""
+        return SEARCH.gap if self.gap is None else self.gap
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -587,25 +644,79 @@ class Seismic(Checked):
     demand: float | None = ruled(POSITIVE, None)
 
 
+class _Own:
+    """What every scene has, in an order of its own."""
+
+    materials: Mapping[str, Material]
+    live: Load
+    dead: Load
+    thickness: float | None
+
+
 @dataclass(frozen=True, kw_only=True)
-class _Shared:
-    """What a scene and its file have alike; see `Scene`."""
+class Shared(_Own):
+    """What scenes with a mesh, scenes of rigid blocks and their files have alike; see `Scene`."""
 
     joints: Mapping[str, JointLaw] = field(default_factory=dict)
     foundations: Mapping[str, JointLaw] = field(default_factory=dict)
-    supports: Mapping[str, str] = field(default_factory=dict)
     ties: Mapping[str, Tie] = field(default_factory=dict)
     floors: Mapping[str, Floor] = field(default_factory=dict)
-    soil: Mapping[str, Soil] = field(default_factory=dict)
     seismic: Seismic | None = None
-    stress: StressLaw | None = None
     title: str = ""
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds that the scene is of, see `scene.rules.OF`."""
+        return "mesh", "plane"
+
+    def check_parts(self) -> None:
+        """Refuse what a scene of its kinds does not take."""
+        check_types(self)
+        wide = self.thickness
+        problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
+        require(wide is None or 0.0 < wide < math.inf, problem)
+        require_size("plane.thickness", wide or 0.0)
+        long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
+        require(len(self.title) <= LONGEST_TITLE, long)
+        for key, value in self._parts().items():
+            require_fit(key, value, types_of(type(self)).get(key), self.kinds)
+        for name, load in (("dead", self.dead), ("live", self.live)):
+            both = load.direction is not None and any(load.body)
+            require(not both, f"loads.{name}.direction: give either body or direction")
+        unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
+        require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
+
+    def check_loads(self) -> None:
+        """Refuse a profile, or a seismic check, without what it acts on."""
+        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
+        require(self.dead.profile == "uniform", text)
+        bare = self.live.profile != "uniform" and not any(self.live.acceleration)
+        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+        if self.seismic is not None:
+            check_inertia_forces(self.dead, self.live)
+
+    def _parts(self) -> dict[str, Any]:
+        """What the tables of a scene file hold, but mesh and blocks, by their keys."""
+        given = {name: getattr(self, name) for name in _names(self)}
+        return {**given, "loads.live": self.live, "loads.dead": self.dead}
+
+    def tables(self) -> dict[str, Any]:
+        """The scene as tables of a file, but for its mesh or blocks."""
+        tables: dict[str, Any] = {}
+        for key, value in as_tables(self._parts(), self.kinds).items():
+            assign(tables, key, value)
+        return tables
+
+    def laws(self) -> dict[str, JointLaw]:
+        """Laws of contacts by their keys in a scene file."""
+        laws = {f"joints.{name}": law for name, law in self.joints.items()}
+        return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
+
 
 @dataclass(frozen=True)
-class Scene(_Shared):
+class Scene(Shared):
     """Blocks, what joins and holds them, and what loads them.
 
     Attributes:
@@ -641,17 +752,15 @@ class Scene(_Shared):
     plane: str = "strain"
     degree: int = 1
     thickness: float | None = None
+    _: KW_ONLY
+    supports: Mapping[str, str] = field(default_factory=dict)
+    soil: Mapping[str, Soil] = field(default_factory=dict)
+    stress: StressLaw | None = None
 
     def __post_init__(self) -> None:
-        check_types(self)
+        self.check_parts()
         require_choice("plane.state", self.plane, PLANE)
-        wide = self.thickness
-        problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
-        require(wide is None or 0.0 < wide < math.inf, problem)
-        require_size("plane.thickness", wide or 0.0)
         require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
-        long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
-        require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             require_choice(f"supports.{name}", kind, SUPPORTS)
         for name, law in self.foundations.items():
@@ -663,19 +772,16 @@ class Scene(_Shared):
                 f"foundations.{name} takes neither off nor between; leave it out where it is free"
             )
             require(not law.off and law.between is None, free)
-        unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
-        require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
+        for name, tie in self.ties.items():
+            stretches = tie.stiffness is not None or tie.prestress == 0.0
+            slack = "needs stiffness: a tie that does not stretch keeps no force"
+            require(stretches, f"ties.{name}.prestress {slack}")
         self._check_names()
         require(not self.dead.on_table, "loads.dead.tilt = true: give an angle in degrees")
         if self.live.on_table:
             self._tilt_table()
         self._check_options()
-        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
-        require(self.dead.profile == "uniform", text)
-        bare = self.live.profile != "uniform" and not any(self.live.body)
-        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
-        if self.seismic is not None:
-            check_inertia_forces(self.dead, self.live)
+        self.check_loads()
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("stress", self.stress)
@@ -725,29 +831,23 @@ class Scene(_Shared):
         require(plane != 3, "dimension = 3: a scene in space is one of fenics_contact.spatial")
         require(plane == 2, f"dimension = {shown(plane)} must be 2 or 3")
         tables = from_table(_SceneTables, given)
+        for name, one in given["materials"].items():
+            for key in ("young", "poisson"):
+                require(key in one, f"materials.{name}.{key} is missing")
         return cls(
             mesh=mesh(tables.mesh.file, tables.mesh.blocks),
-            materials=tables.materials,
-            live=tables.loads.live,
-            dead=tables.loads.dead,
             plane=tables.plane.state,
-            thickness=tables.plane.thickness,
             degree=tables.mesh.degree,
-            **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
+            **tables.given(),
         )
 
     def tables(self) -> dict[str, Any]:
         """The scene as tables of a file; the mesh has its source in place of a file."""
-        shared = {item.name: getattr(self, item.name) for item in fields(_Shared)}
-        return _as_tables(
-            {
-                "mesh": {"file": self.mesh.source, "degree": self.degree},
-                "plane": {"state": self.plane, "thickness": self.thickness},
-                "materials": self.materials,
-                "loads": {"live": self.live, "dead": self.dead},
-                **shared,
-            }
-        )
+        return {
+            "mesh": {"file": self.mesh.source, "degree": self.degree},
+            "plane": as_tables({"state": self.plane, "thickness": self.thickness}, ()),
+            **super().tables(),
+        }
 
     def material(self, groups: Iterable[str]) -> Material:
         """Material of the cells in a set of groups."""
@@ -809,9 +909,8 @@ class Scene(_Shared):
             require(len({self.materials[name] for name in materials}) <= 1, text)
 
     def _laws(self) -> dict[str, JointLaw]:
-        """Laws of contacts by their keys in a scene file."""
-        laws = {f"joints.{name}": law for name, law in self.joints.items() if law.acts}
-        return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
+        """Laws of contacts that are neither glued nor off."""
+        return {key: law for key, law in self.laws().items() if law.acts}
 
     @property
     def has_strength(self) -> bool:
@@ -918,20 +1017,64 @@ def check_inertia_forces(dead: Any, live: Any) -> None:
         require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
 
 
-def _as_tables(item: Any) -> Any:
-    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
+def _names(scene: Shared) -> list[str]:
+    """Names that fields of a scene and tables of its file have alike."""
+    return [item.name for item in fields(scene) if item.name not in APART]
+
+
+def as_tables(item: Any, scene: Collection[str]) -> Any:
+    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given.
+
+    Keys are those of scenes of some kinds.
+    """
     if isinstance(item, (np.generic, np.ndarray)):
         return item.tolist()
     if callable(item):
         return item
     if is_dataclass(item):
-        item = {one.name: getattr(item, one.name) for one in fields(item)}
+        item = {one.name: getattr(item, one.name) for one in fields(item) if is_of(one, scene)}
     if not isinstance(item, Mapping):
         return item
-    return {key_of(name): _as_tables(value) for name, value in item.items() if value is not None}
+    given = {key_of(name): value for name, value in item.items() if value is not None}
+    return {key: as_tables(value, scene) for key, value in given.items()}
 
 
 # ---- what a scene file holds, table by table
+
+
+@dataclass(frozen=True)
+class _LoadTables:
+    live: Load = field(
+        metadata={"hint": ", or ask `fenics-contact stands` whether the dead load alone stands"}
+    )
+    dead: Load = field(default_factory=Load)
+
+
+@dataclass(frozen=True)
+class PlaneTable:
+    """The table [plane]."""
+
+    state: str = only("mesh", "strain")
+    thickness: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tables(Shared):
+    """The tables that files of all scenes have."""
+
+    loads: _LoadTables
+    dimension: int = 2
+    materials: Mapping[str, Material] = field(default_factory=dict)
+    plane: PlaneTable = field(default_factory=PlaneTable)
+
+    def given(self) -> dict[str, Any]:
+        """Arguments of a scene that every one takes."""
+        return {
+            "live": self.loads.live,
+            "dead": self.loads.dead,
+            "thickness": self.plane.thickness,
+            **{name: getattr(self, name) for name in _names(self)},
+        }
 
 
 @dataclass(frozen=True)
@@ -945,27 +1088,12 @@ class _MeshTable:
         require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 
-@dataclass(frozen=True)
-class _PlaneTable:
-    state: str = "strain"
-    thickness: float | None = None
-
-
-@dataclass(frozen=True)
-class _LoadTables:
-    live: Load = field(
-        metadata={"hint": ", or ask `fenics-contact stands` whether the dead load alone stands"}
-    )
-    dead: Load = field(default_factory=Load)
-
-
-@dataclass(frozen=True)
-class _SceneTables(_Shared):
-    loads: _LoadTables
-    dimension: int = 2
+@dataclass(frozen=True, kw_only=True)
+class _SceneTables(Tables):
     mesh: _MeshTable = field(default_factory=_MeshTable)
-    materials: Mapping[str, Material] = field(default_factory=dict)
-    plane: _PlaneTable = field(default_factory=_PlaneTable)
+    supports: Mapping[str, str] = field(default_factory=dict)
+    soil: Mapping[str, Soil] = field(default_factory=dict)
+    stress: StressLaw | None = None
 
     def __post_init__(self) -> None:
         require(bool(self.materials), "materials is missing; give [materials.default]")

@@ -130,7 +130,7 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
     prefix = f"{key}." if key else ""
     table = as_mapping(key, table)
     kinds = get_type_hints(kind)
-    refuse_unknown(key, table, [key_of(name) for name in kinds])
+    refuse_unknown(key, table, [key_of(item.name) for item in fields(kind)])  # type: ignore[arg-type]
     values = {}
     for item in fields(kind):  # type: ignore[arg-type]
         name = key_of(item.name)

@@ -4,13 +4,25 @@ Blocks are convex polyhedra, or several that move as one. Where plane sides of t
 contact carries pressure and Coulomb friction at points. Blocks are rigid; faces are elastic.
 """
 
-from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic
+from fenics_contact.scene.scene import (
+    Floor,
+    Force,
+    JointLaw,
+    Load,
+    Material,
+    Movement,
+    OutputOptions,
+    Seismic,
+    SolveOptions,
+    Tie,
+)
 from fenics_contact.spatial.limit import limit_load, standing
-from fenics_contact.spatial.loads import Floor, Force, Load, Movement, Sides, Tie
+from fenics_contact.spatial.loads import Sides
 from fenics_contact.spatial.plane import prism
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.record import LimitLoad
-from fenics_contact.spatial.scene import Foundation, Material, Plane, Scene, SolveOptions
+from fenics_contact.spatial.scene import BlockScene as Scene
+from fenics_contact.spatial.scene import Foundation, Plane
 
 __all__ = [
     "Block",

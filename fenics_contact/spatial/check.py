@@ -7,18 +7,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fenics_contact.console import law_text, tie_text
+from fenics_contact.console import law_text, movement_text, tie_text
 from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import NAMED
 from fenics_contact.scene.rules import listed
 from fenics_contact.scene.units import PER_METRE
-from fenics_contact.spatial.scene import Scene
+from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
 
-def description(scene: Scene, structure: Structure) -> str:
+def description(scene: BlockScene, structure: Structure) -> str:
     """Blocks, contacts, ties, floors and sums of loads, in lines."""
     units = scene.units
 
@@ -45,21 +45,14 @@ def description(scene: Scene, structure: Structure) -> str:
         text = f"{law_text(law, units)}, {found}" if law.acts else "off: carries nothing"
         lines.append(f"{kind[:-1]} {name}: {text}")
     force = f"N {PER_METRE}" if scene.dimension == 2 else "N"
-    for name, tie in scene.ties.items():
-        text = tie_text(tie, units, force, lambda place: structure.told(np.array(place)))
-        lines.append(f"tie {name}: {text}")
+    lines += [f"tie {name}: {tie_text(tie, units, force)}" for name, tie in scene.ties.items()]
     up = "y" if scene.dimension == 2 else "z"
     for name, floor in scene.floors.items():
         more = ", with its mass" if floor.mass else ""
         weight = units.text(floor.force, "N/m2")
-        lines.append(f"floor {name}: {weight} at {up} = {units.length(floor.z)}{more}")
+        lines.append(f"floor {name}: {weight} at {up} = {units.length(floor.height or 0.0)}{more}")
     for name, movement in scene.dead.movement.items():
-        motion = structure.told_motions(np.array([[*movement.displacement, *movement.rotation]]))[0]
-        moved, turn = np.split(motion, [scene.dimension])
-        turned = ", ".join(f"{angle:g}" for angle in turn)
-        lines.append(
-            f"{name} moves by {units.place(moved.tolist(), 6)}, turns by ({turned}) degrees"
-        )
+        lines.append(f"{name} {movement_text(movement, units)}")
     for key, one in structure.acting.items():
         lines.append(f"{key}: on {one.on}, resultant {resultant(one.force)}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):
@@ -67,7 +60,7 @@ def description(scene: Scene, structure: Structure) -> str:
     return "\n".join(lines)
 
 
-def warnings_on(scene: Scene, structure: Structure) -> Iterator[str]:
+def warnings_on(scene: BlockScene, structure: Structure) -> Iterator[str]:
     """What is legal and probably meant otherwise."""
     yield from structure.warnings
     materials = {f"materials.{name}": material for name, material in scene.materials.items()}

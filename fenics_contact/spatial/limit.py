@@ -29,13 +29,14 @@ from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.bounds import rounded
 from fenics_contact.results.history import Peak
+from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.along_path import curve_of, peak_of
 from fenics_contact.spatial.certificate import missed, residuals_of
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
 from fenics_contact.spatial.record import LimitLoad
 from fenics_contact.spatial.result import SpatialCollapse, named
-from fenics_contact.spatial.scene import Scene, SolveOptions
+from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.seismic import seismic_check
 from fenics_contact.spatial.standing import state_of, wedged_blocks
 from fenics_contact.spatial.structure import Structure
@@ -57,7 +58,7 @@ UNLIMITED = "nothing limits the live load"
 
 @checked
 def limit_load(
-    scene: Scene,
+    scene: BlockScene,
     monitor: Monitor | None = None,
     *,
     stop: Callable[[], str] = lambda: "",
@@ -107,12 +108,12 @@ def limit_load(
     return LimitLoad(scene, structure, found, seconds, ranks_of(beside))
 
 
-def solved_beside(structure: Structure, scene: Scene, direction: str) -> SpatialCollapse:
+def solved_beside(structure: Structure, scene: BlockScene, direction: str) -> SpatialCollapse:
     """A task: the collapse in one direction."""
     return _solved(structure, scene, direction, _check(scene, asked_to_stop), lambda text: None)
 
 
-def _check(scene: Scene, stop: Callable[[], str]) -> Callable[[], None]:
+def _check(scene: BlockScene, stop: Callable[[], str]) -> Callable[[], None]:
     """What raises `Stopped` once the time of a scene is over, or somebody asks to end."""
     reason = within(scene.solve.time, stop)
 
@@ -125,7 +126,7 @@ def _check(scene: Scene, stop: Callable[[], str]) -> Callable[[], None]:
 
 def _solved(
     structure: Structure,
-    scene: Scene,
+    scene: BlockScene,
     direction: str,
     check_stop: Callable[[], None],
     tell: Callable[[str], None],
@@ -137,7 +138,7 @@ def _solved(
     first = direction in (options.direction, "positive")  # its curve is drawn
     points = scene.output.capacity if first else 0
     along = AlongPath(not options.fast and options.peak is not False, points)
-    found = collapse_of(structure, sign, options.gap, check_stop, along)
+    found = collapse_of(structure, sign, options.asked_gap, check_stop, along)
     if found.status not in ("limit", "not_converged"):
         return found
     model = structure.face_model(sign)
@@ -150,7 +151,7 @@ def _solved(
         another = not options.fast and options.lowest is not False
         if another and found.way == "follow" and not crushes:
             tell("another state")
-            found = _with_one_shot(found, model, options.gap, check_stop)
+            found = _with_one_shot(found, model, options.asked_gap, check_stop)
         if not options.fast and not found.stopped:
             check_stop()
             tell("what nothing exceeds")
@@ -356,7 +357,7 @@ def _with_lowest(
     corners = replace(structure, quick=True).face_model(found.sign)
     starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
     if corners.shape != model.shape:
-        starts.append(FaceSearch(corners, options.gap, None, check_stop))
+        starts.append(FaceSearch(corners, options.asked_gap, None, check_stop))
     for start in starts:
         search = FaceSearch(model, SEARCH.side_accuracy, None, check_stop)
         state = lowest_from(search, start)
@@ -367,14 +368,14 @@ def _with_lowest(
         return replace(found, factorizations=spent)
     least = min(best.load_factor, found.sign * found.load_factor)
     if instead and best.load_factor == least:
-        lowest = as_collapse(structure, model, best, found.sign, options.gap)
+        lowest = as_collapse(structure, model, best, found.sign, options.asked_gap)
         if lowest.status == "limit":
             found = replace(lowest, searched=FOUND, attempts=found.attempts)
     return replace(found, lowest=found.sign * least, factorizations=spent)
 
 
 @checked
-def standing(scene: Scene, load_factor: float = 0.0) -> LimitLoad:
+def standing(scene: BlockScene, load_factor: float = 0.0) -> LimitLoad:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
     structure = scene.structure()

@@ -1,47 +1,57 @@
-"""Loads in space: what a user gives, and the forces and moments of the blocks that come of it."""
+"""Forces and moments of rigid blocks, of the loads and floors that a scene gives them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.errors import InputError, require
+from fenics_contact.errors import InputError, Vector, require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.results.bounds import counted
-from fenics_contact.scene import scene
-from fenics_contact.scene.rules import (
-    FINITE,
-    MOST_TILT,
-    NOT_NEGATIVE,
-    Checked,
-    listed,
-    require_profile,
-    require_vector,
-    rule,
-    ruled,
-)
+from fenics_contact.scene.rules import Checked, listed, require_vector, ruled
+from fenics_contact.scene.scene import DIRECTION, GRAVITY, Floor, Load, Movement, Tie
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.contacts import clipped, polygon_area
 from fenics_contact.spatial.points import polygon_centroid
 from fenics_contact.spatial.polyhedra import Block
 
-Vector = tuple[float, float, float]
 #: Number of the ground where an anchor ends, which is no block.
 GROUND = -1
-#: Acceleration of a live load that is given by its direction, and of a floor's mass, m/s2.
-GRAVITY = 9.81
 #: Cosine of the largest angle between a side and the direction by which it is chosen: 1 degree.
 SAME_DIRECTION = 0.99985
 #: Distance from a plane or a block that is rounding, in parts of a typical block's size.
 NEAR = 1e-5
 #: From the front of a prism to its back.
 MIRRORED = np.array([1.0, -1.0, 1.0])
+#: Upwards, and where the places (x, y) of the plane are in space.
+UP = np.array([0.0, 0.0, 1.0])
 #: Places and weight in a tetrahedron that integrate quadratic functions.
 FAR, CLOSE = 0.1381966011250105, 0.5854101966249685
 
-DIRECTION = rule(any, "must be a direction, not zero", require_vector)
+
+def lifted(vector: Vector) -> Array:
+    """A place or direction in space; that of the plane, (x, y), is (x, 0, y)."""
+    x, *others = vector
+    return np.array([x, *others] if len(vector) == 3 else [x, 0.0, *others], dtype=float)
+
+
+def motion_of(movement: Movement) -> Array:
+    """Displacement and rotation, m and rad, shape (6,); anticlockwise is about -y."""
+    turn = movement.rotation
+    about = turn if isinstance(turn, tuple) else (0.0, -turn, 0.0)
+    return np.append(lifted(movement.displacement), np.radians(about))
+
+
+def factors_of(load: Load, height: Array, mass: Array) -> Array:
+    """Factors of the profile of a load at heights, m, of masses."""
+    if load.profile == "uniform":
+        return np.ones(len(height))
+    if isinstance(load.profile, str):
+        return np.asarray(height * mass.sum() / (height @ mass))
+    heights, factors = np.transpose(load.profile)
+    return np.interp(height, heights, factors)
 
 
 @dataclass(frozen=True)
@@ -58,8 +68,8 @@ class Sides(Checked):
 
     group: str | None = None
     block: str | None = None
-    normal: tuple[float, float, float] | None = ruled(DIRECTION, None)
-    point: tuple[float, float, float] | None = ruled(require_vector, None)
+    normal: Vector | None = ruled(DIRECTION, None)
+    point: Vector | None = ruled(require_vector, None)
     lines: tuple[tuple[Vector, Vector], ...] | None = None
 
     def __post_init__(self) -> None:
@@ -75,10 +85,10 @@ class Sides(Checked):
             for piece in block.pieces:
                 chosen = np.ones(len(piece.sides), dtype=bool)
                 if self.normal is not None:
-                    wished = np.array(self.normal) / np.linalg.norm(self.normal)
+                    wished = lifted(self.normal) / np.linalg.norm(self.normal)
                     chosen &= piece.normals @ wished >= SAME_DIRECTION
                 if self.point is not None:
-                    height = piece.normals @ np.array(self.point) - piece.levels
+                    height = piece.normals @ lifted(self.point) - piece.levels
                     chosen &= np.abs(height) <= near
                 for side in np.flatnonzero(chosen):
                     corners = piece.corners[list(piece.sides[side])]
@@ -92,199 +102,13 @@ class Sides(Checked):
             return
         start = front[0]
         for places in self.lines or ():
-            line = np.array(places) - start * [1.0, 0.0, 1.0]
+            line = np.array([lifted(place) for place in places]) - start * [1.0, 0.0, 1.0]
             length = float(np.linalg.norm(front[1] - start))
             along = (front[1] - start) / length
             low, high = np.clip(np.sort(line @ along), 0.0, length)
             if np.abs(np.cross(line, along)).max() <= near and high - low > near:
                 low, high = start + low * along, start + high * along
                 yield np.array([low, high, high * MIRRORED, low * MIRRORED])
-
-
-@dataclass(frozen=True)
-class Force(Checked):
-    """A force on one block or on sides.
-
-    Attributes:
-        force: N.
-        block: Name of the block that it acts on; by default the one at `at`.
-        at: Where, m; by default the block's centroid.
-        sides: Name of sides that it is spread over evenly, in place of a block.
-    """
-
-    force: tuple[float, float, float] = ruled(require_vector)
-    block: str | None = None
-    at: tuple[float, float, float] | None = ruled(require_vector, None)
-    sides: str | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        placed = self.block is not None or self.at is not None
-        require(placed != (self.sides is not None), "give either block or at, or sides")
-
-
-@dataclass(frozen=True)
-class Movement(Checked):
-    """A small movement of the ground: settlement, spreading, tilt.
-
-    Attributes:
-        displacement: Of the centroid, m.
-        rotation: About axes through the centroid, degrees.
-    """
-
-    displacement: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
-    rotation: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        small = max(abs(angle) for angle in self.rotation) <= MOST_TILT
-        text = f"rotation = {list(self.rotation)} must lie in -{MOST_TILT:g} ... {MOST_TILT:g}"
-        require(small, f"{text} degrees")
-
-    @property
-    def motion(self) -> Array:
-        """Displacement and rotation, m and rad, shape (6,)."""
-        return np.append(self.displacement, np.radians(self.rotation))
-
-
-@dataclass(frozen=True)
-class Tie(scene.Bar):
-    """A bar of the structure in space, see `scene.scene.Bar`; forces are N.
-
-    Attributes:
-        from_: Where it begins: a place in a block, m.
-        to: Where it ends: a place in another block.
-        ground: The place in the ground where it ends, m, in place of `to`.
-        stiffness: E A / L, N/m; None: as stiff as a typical point of the joints.
-    """
-
-    from_: tuple[float, float, float] = ruled(require_vector)
-    to: tuple[float, float, float] | None = ruled(require_vector, None)
-    ground: tuple[float, float, float] | None = ruled(require_vector, None)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self.from_ != (self.to or self.ground), "to: it ends where it begins")
-
-    def bar(self, key: str, blocks: Sequence[Block], near: float) -> Bar:
-        """The bar between the blocks that are at its ends."""
-        first = numbered(f"{key}.from", blocks, None, self.from_, near)
-        to = self.to and numbered(f"{key}.to", blocks, None, self.to, near)
-        second = GROUND if to is None else to
-        text = f"{key}: both ends are in block '{blocks[first].name}'; a tie joins two"
-        require(first != second, text)
-        return Bar(self, (first, second))
-
-    @property
-    def ends(self) -> Array:
-        """M, shape (2, 3)."""
-        return np.array([self.from_, self.to or self.ground], dtype=float)
-
-
-@dataclass(frozen=True)
-class Bar:
-    """A tie, and the numbers of the two blocks that it holds together; `GROUND` is the ground."""
-
-    tie: Tie
-    blocks: tuple[int, int]
-
-
-@dataclass(frozen=True)
-class Load(Checked):
-    """Body force, tractions and forces.
-
-    Attributes:
-        body: Acceleration, m/s2, times density.
-        direction: That of `body` in place of it: 9.81 m/s2 this way.
-        traction: Force per area, Pa, by name of sides.
-        force: Forces by any name.
-        movement: Of fixed blocks and foundations by their names; of the dead load only.
-        profile: Factor on `body` over the height above the lowest point of what moves, of the live
-            load only: "uniform"; "triangular", which grows from 0 and leaves the total as it is; or
-            pairs (height, factor), m and 1, with straight lines between, constant beyond.
-    """
-
-    body: tuple[float, float, float] = ruled(require_vector, (0.0, 0.0, 0.0))
-    direction: tuple[float, float, float] | None = ruled(DIRECTION, None)
-    traction: Mapping[str, Vector] = field(default_factory=dict)
-    force: Mapping[str, Force] = field(default_factory=dict)
-    movement: Mapping[str, Movement] = field(default_factory=dict)
-    profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        both = self.direction is not None and any(self.body)
-        require(not both, "direction: give either body or direction")
-        for name, value in self.traction.items():
-            require_vector(f"traction.{name}", value)
-
-    @property
-    def acceleration(self) -> Array:
-        """The body force per mass, m/s2."""
-        if self.direction is None:
-            return np.array(self.body)
-        return GRAVITY * np.array(self.direction) / np.linalg.norm(self.direction)
-
-    def factors(self, height: Array, mass: Array) -> Array:
-        """Factors of the profile at heights, m, of masses."""
-        if self.profile == "uniform":
-            return np.ones(len(height))
-        if self.profile == "triangular":
-            return np.asarray(height * mass.sum() / (height @ mass))
-        heights, factors = np.array(self.profile, dtype=float).T
-        return np.interp(height, heights, factors)
-
-
-@dataclass(frozen=True)
-class Floor(Checked):
-    """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
-
-    Its plan is `x` by `y`, by default the rectangle around the top sides that carry it. Each of
-    these gets weight by the area on which the floor lies on it.
-
-    Attributes:
-        z: Height of the top sides, m.
-        force: Its weight per area of its plan, N/m2.
-        x: From where to where it reaches, m.
-        y: Likewise.
-        group: Only blocks of this group carry it.
-        mass: Whether the live body force acts on its mass, weight / 9.81 m/s2, too.
-    """
-
-    z: float = ruled(FINITE)
-    force: float = ruled(NOT_NEGATIVE)
-    x: tuple[float, float] | None = ruled(require_vector, None)
-    y: tuple[float, float] | None = ruled(require_vector, None)
-    group: str | None = None
-    mass: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("x", "y"):
-            low, high = getattr(self, name) or (0.0, 1.0)
-            require(low < high, f"{name} = [{low:g}, {high:g}] must rise, [from, to]")
-
-    def masses(self, key: str, blocks: Sequence[Block], near: float) -> tuple[Masses, str]:
-        """Its mass on the blocks that carry it, and on what it lies."""
-        tops = Sides(self.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, self.z))
-        found = list(tops.of(blocks, near))
-        require(bool(found), f"{key}: no block has a top side at z = {self.z:g}; move it")
-        corners = np.vstack([loop[:, :2] for _, loop in found])
-        low = corners.min(axis=0)
-        high = corners.max(axis=0)
-        for axis, wished in enumerate((self.x, self.y)):
-            if wished is not None:
-                low[axis], high[axis] = wished
-        plan = np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
-        parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
-        parts = [(number, part) for number, part in parts if len(part)]
-        require(bool(parts), f"{key}: no top side at z = {self.z:g} lies within x and y")
-        area = np.array([polygon_area(part) for _, part in parts])
-        mass = self.force * polygon_area(plan) / GRAVITY * area / area.sum()
-        places = [[*polygon_centroid(part), self.z] for _, part in parts]
-        return Masses(
-            np.array([number for number, _ in parts]), np.array(places), mass
-        ), sides_told(area.tolist())
 
 
 @dataclass(frozen=True)
@@ -341,6 +165,69 @@ class Masses:
         return Acting(self.block, self.position, np.outer(self.mass * factors, acceleration), on)
 
 
+@dataclass(frozen=True)
+class Bar:
+    """A tie between two blocks.
+
+    Attributes:
+        tie: Its law.
+        blocks: Numbers of the blocks that it holds together; `GROUND` is the ground.
+        ends: m, shape (2, 3).
+    """
+
+    tie: Tie
+    blocks: tuple[int, int]
+    ends: Array
+
+
+def bar_of(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Bar:
+    """The bar of a tie between the blocks that are at its ends."""
+    places = {f"{key}.from": tie.from_, f"{key}.to": tie.to, f"{key}.ground": tie.ground}
+    ends = []
+    numbers = []
+    for place, end in places.items():
+        if isinstance(end, str):
+            raise InputError(f"{place} = '{end}' must be a place in a block, without a mesh")
+        if end is not None:
+            ends.append(lifted(end))
+            on_ground = end is tie.ground
+            numbers.append(GROUND if on_ground else numbered(place, blocks, None, end, near))
+    require(not np.array_equal(ends[0], ends[1]), f"{key}.to: it ends where it begins")
+    text = f"{key}: both ends are in block '{blocks[numbers[0]].name}'; a tie joins two"
+    require(numbers[0] != numbers[1], text)
+    return Bar(tie, (numbers[0], numbers[1]), np.array(ends))
+
+
+def masses_of_floor(
+    key: str, floor: Floor, blocks: Sequence[Block], near: float
+) -> tuple[Masses, str]:
+    """Mass of a floor on the blocks that carry it, and on what it lies.
+
+    Its plan is `x` by `y`, by default the rectangle around the top sides at its height.
+    """
+    height = floor.height or 0.0
+    at = f"{'y' if floor.z is None else 'z'} = {height:g}"
+    tops = Sides(floor.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, height))
+    found = list(tops.of(blocks, near))
+    require(bool(found), f"{key}: no block has a top side at {at}; move it")
+    corners = np.vstack([loop[:, :2] for _, loop in found])
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
+    for axis, wished in enumerate((floor.x, floor.y)):
+        if isinstance(wished, tuple):
+            low[axis], high[axis] = wished
+    plan = np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
+    parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
+    parts = [(number, part) for number, part in parts if len(part)]
+    within = "x" if floor.z is None else "x and y"
+    require(bool(parts), f"{key}: no top side at {at} lies within {within}")
+    area = np.array([polygon_area(part) for _, part in parts])
+    mass = floor.force * polygon_area(plan) / GRAVITY * area / area.sum()
+    places = [[*polygon_centroid(part), height] for _, part in parts]
+    masses = Masses(np.array([number for number, _ in parts]), np.array(places), mass)
+    return masses, sides_told(area.tolist())
+
+
 def _fan(corners: Array) -> Array:
     """Triangles of a convex polygon in space, shape (triangles, 3, 3)."""
     first = np.broadcast_to(corners[0], corners[2:].shape)
@@ -384,15 +271,15 @@ def surface_loads(
     key: str, load: Load, blocks: Sequence[Block], sides: Mapping[str, Sides], near: float
 ) -> Iterator[tuple[str, Acting]]:
     """Tractions and forces, by their keys."""
-    given = {f"{key}.traction.{n}": (n, np.array(t), True) for n, t in load.traction.items()}
+    given = {f"{key}.traction.{n}": (n, lifted(t), True) for n, t in load.traction.items()}
     for name, force in load.force.items():
-        vector = np.array(force.force)
+        vector = lifted(force.force)
         place = f"{key}.force.{name}"
         if force.sides is not None:
             given[place] = (force.sides, vector, False)
             continue
         number = numbered(place, blocks, force.block, force.at, near)
-        at = blocks[number].centroid if force.at is None else np.array(force.at)
+        at = blocks[number].centroid if force.at is None else lifted(force.at)
         yield (
             place,
             Acting(np.array([number]), at[None], vector[None], f"block {blocks[number].name}"),
@@ -420,7 +307,7 @@ def _middle(corners: Array) -> tuple[float, Array]:
 
 
 def numbered(
-    key: str, blocks: Sequence[Block], name: str | None, at: Sequence[float] | None, near: float
+    key: str, blocks: Sequence[Block], name: str | None, at: Vector | None, near: float
 ) -> int:
     """Number of the block with a name, or of the one at a place, m.
 
@@ -431,7 +318,7 @@ def numbered(
     numbers = [k for k, block in enumerate(blocks) if block.name == name]
     if name is None:
         where = "at (" + ", ".join(f"{value:g}" for value in at or ()) + ")"
-        place = np.array(at)
+        place = lifted(at or ())
         numbers = [
             number
             for number, block in enumerate(blocks)

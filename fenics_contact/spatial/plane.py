@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors import InputError, require, shown
+from fenics_contact.errors import require
 from fenics_contact.geometry import builders
 from fenics_contact.geometry.dxf.blocks import read_dxf
 from fenics_contact.geometry.mesh import Array
@@ -29,22 +29,6 @@ from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.surfaces import Surface, blocks_of
 
-#: Names of tables within each other, and of a key.
-KeyPath = tuple[str, ...]
-#: Keys of places and directions, (x, y), in the tables of a scene.
-VECTORS = (
-    *("loads.*.body", "loads.*.direction", "loads.*.traction.*", "loads.*.force.*.force"),
-    *("loads.*.force.*.at", "loads.*.movement.*.displacement", "sides.*.normal", "sides.*.point"),
-    *("ties.*.from", "ties.*.to", "ties.*.ground"),
-    *("foundations.*.plane.point", "foundations.*.plane.normal"),
-)
-#: Keys of lines between two places.
-LINES = ("sides.*.lines",)
-#: Keys of heights in the plane, and in space.
-HEIGHTS = ("floors.*.y", "foundations.*.y")
-IN_SPACE = ("floors.*.z", "foundations.*.z")
-#: Keys of angles, which are rotations about axes in space.
-TURNS = ("loads.*.movement.*.rotation",)
 #: Builders that draw outlines; and those of space that make prisms, with what makes them so.
 DRAWN = ("facade", "bridge", "retaining_wall")
 BUILT: dict[str, tuple[str, dict[str, Any]]] = {
@@ -55,70 +39,6 @@ BUILT: dict[str, tuple[str, dict[str, Any]]] = {
 UPWARDS = {"x": ((0, -1), (1, 0)), "y": ((1, 0), (0, 1))}
 #: From builders of space to the plane, m.
 MIDDLE = np.array([0.0, -0.5, 0.0])
-
-
-def in_space(tables: Mapping[str, Any], path: KeyPath = ()) -> dict[str, Any]:
-    """The tables of a scene in the plane as those of one in space, but for its blocks.
-
-    Raises:
-        InputError: If a place or direction has not two numbers.
-    """
-    found: dict[str, Any] = {}
-    for name, value in tables.items():
-        key = (*path, name)
-        if _is(key, HEIGHTS):
-            found["z"] = value
-        elif _is(key, IN_SPACE):
-            text = f"{'.'.join(key)}: heights in the plane are y; give {'.'.join([*path, 'y'])}"
-            raise InputError(text)
-        elif _is(key, VECTORS):
-            found[name] = _lifted(key, value)
-        elif _is(key, LINES) and isinstance(value, list):
-            found[name] = [
-                [_lifted(key, end) for end in line] if isinstance(line, list) else line
-                for line in value
-            ]
-        elif _is(key, TURNS) and isinstance(value, int | float):
-            found[name] = [0.0, -value, 0.0]
-        else:
-            found[name] = in_space(value, key) if isinstance(value, Mapping) else value
-    return found
-
-
-def _lifted(key: KeyPath, place: Any) -> Any:
-    """A place or direction (x, y) as (x, 0, y); what is no list is refused where it is read."""
-    if not isinstance(place, list):
-        return place
-    require(len(place) == 2, f"{'.'.join(key)} = {shown(place)} must be two numbers, x and y")
-    return [place[0], 0.0, place[1]]
-
-
-def in_plane(tables: Mapping[str, Any], path: KeyPath = ()) -> dict[str, Any]:
-    """The reverse of `in_space`."""
-    found: dict[str, Any] = {}
-    for name, value in tables.items():
-        key = (*path, name)
-        if _is(key, IN_SPACE):
-            found["y"] = value
-        elif _is(key, HEIGHTS):
-            continue  # of a floor in space: from where to where it reaches
-        elif _is(key, VECTORS) and value is not None:
-            found[name] = value[::2]
-        elif _is(key, LINES) and value is not None:
-            found[name] = [[end[::2] for end in line] for line in value]
-        elif _is(key, TURNS):
-            found[name] = -value[1]
-        else:
-            found[name] = in_plane(value, key) if isinstance(value, Mapping) else value
-    return found
-
-
-def _is(key: KeyPath, patterns: Sequence[str]) -> bool:
-    """Whether a key is of one of some patterns, in which any name may stand for *."""
-    for parts in (pattern.split(".") for pattern in patterns):
-        if len(parts) == len(key) and all(p in ("*", k) for p, k in zip(parts, key, strict=True)):
-            return True
-    return False
 
 
 def upright(contact: Contact) -> Contact:
@@ -198,7 +118,7 @@ def _in_middle(block: Block) -> Block:
 def _drawn(drawing: Drawing, turn: Array) -> ReadBlocks:
     """Blocks of a drawing, turned, and its groups as sides."""
     lines = {
-        name: np.insert(np.array(some, dtype=float) @ turn.T, 1, 0.0, axis=2).tolist()
+        name: (np.array(some, dtype=float) @ turn.T).tolist()
         for name, some in drawing.groups.items()
     }
     outlines = [np.array(outline) @ turn.T for outline in drawing.blocks]

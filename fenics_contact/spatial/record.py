@@ -78,7 +78,7 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     words = replace(result.wording, units=result.scene.units.of_report)
     found, more = result.answer(words)
     structure = result.structure
-    gap = result.scene.solve.gap
+    gap = result.scene.solve.asked_gap
     views = views_of(result)
     ends = {
         name: _collapse_record(end, views[name], gap) | {"tables": _tables(end, words.units)}
@@ -180,7 +180,7 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     if structure.dimension == 2:
         size.pop("depth")
     return {
-        **result.scene.record(),
+        **result.scene.tables(),
         "thickness": result.scene.thickness,
         "size": size,
         "resultants": {

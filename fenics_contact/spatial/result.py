@@ -21,6 +21,7 @@ from fenics_contact.results.values import NAMED
 from fenics_contact.results.wording import DEAD, Line, Wording, meant, state_in_words
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
+from fenics_contact.spatial.loads import lifted
 from fenics_contact.spatial.structure import Structure
 
 #: Collapse states that are as far apart as this are told as two, relative.
@@ -139,7 +140,7 @@ def wording_of(scene: Any, structure: Structure, both: bool) -> Wording:
     resultant = structure.live[:, :3].sum(axis=0).tolist()
     if scene is None:
         return SpatialWording(Units("SI", 1.0), load=math.hypot(*resultant), both=both)
-    push = scene.live.acceleration
+    push = lifted(scene.live.acceleration)
     along = push / (np.linalg.norm(push) or 1.0)
     if structure.dimension == 2:
         along = np.eye(3)[0]
@@ -148,7 +149,7 @@ def wording_of(scene: Any, structure: Structure, both: bool) -> Wording:
         load = getattr(scene, name)
         body, *tractions = (
             (float(vector @ along), float(vector[2]))
-            for vector in (load.acceleration, *map(np.array, load.traction.values()))
+            for vector in map(lifted, (load.acceleration, *load.traction.values()))
         )
         traction = dict(zip(load.traction, tractions, strict=True))
         loads[name] = {**vars(load), "body": body, "traction": traction}

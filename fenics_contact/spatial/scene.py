@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -14,21 +13,27 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, checked, key_of, raised_together, require
+from fenics_contact.errors import InputError, Vector, checked, raised_together, require
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.scene.rules import (
+    DIRECTION,
     FINITE,
-    NOT_NEGATIVE,
     POSITIVE,
-    STRENGTH,
     Checked,
     listed,
-    one_of,
+    require_fit,
     require_vector,
     rule,
     ruled,
 )
-from fenics_contact.scene.scene import JointLaw, OutputOptions, Seismic, check_inertia_forces
+from fenics_contact.scene.scene import (
+    GRAVITY,
+    JointLaw,
+    Load,
+    Material,
+    Shared,
+    Tables,
+)
 from fenics_contact.scene.toml_tables import as_mapping, from_table, read_toml
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial import plane
@@ -36,15 +41,16 @@ from fenics_contact.spatial.block_tables import ReadBlocks, blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
 from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
-    DIRECTION,
-    GRAVITY,
     NEAR,
     SAME_DIRECTION,
-    Floor,
-    Load,
+    UP,
     Masses,
     Sides,
-    Tie,
+    bar_of,
+    factors_of,
+    lifted,
+    masses_of_floor,
+    motion_of,
     surface_loads,
     total,
 )
@@ -60,31 +66,16 @@ GROUND = "ground"
 
 
 @dataclass(frozen=True)
-class Material(Checked):
-    """Weight, and stiffness of the joints.
-
-    Attributes:
-        density: kg/m3.
-        young: Young's modulus, Pa, which turns movements and stiffnesses of ties into forces.
-        compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
-    """
-
-    density: float = ruled(NOT_NEGATIVE, 0.0)
-    young: float = ruled(POSITIVE, 5e9)
-    compressive_strength: float | None = ruled(STRENGTH, None)
-
-
-@dataclass(frozen=True)
 class Plane(Checked):
     """A plane.
 
     Attributes:
         point: In it, m.
-        normal: Across it, out of the ground.
+        normal: Across it, out of the ground; by default upwards.
     """
 
-    point: tuple[float, float, float] = ruled(require_vector)
-    normal: tuple[float, float, float] = ruled(DIRECTION, (0.0, 0.0, 1.0))
+    point: Vector = ruled(require_vector)
+    normal: Vector | None = ruled(DIRECTION, None)
 
 
 @dataclass(frozen=True)
@@ -92,67 +83,32 @@ class Foundation(JointLaw):
     """Joint law on rigid ground, and where that is.
 
     Attributes:
-        z: Height of the ground, m; by default below the lowest point of the blocks, along x or y
-            where the dead load acts along these.
-        plane: Surface of the ground, in place of `z`.
+        z: Height of the ground in space, m; by default below the lowest point of the blocks, along
+            x or y where the dead load acts along these.
+        y: Likewise in the plane.
+        plane: Surface of the ground, in place of its height.
     """
 
-    z: float | None = ruled(FINITE, None)
+    z: float | None = ruled(FINITE, None, of="space")
+    y: float | None = ruled(FINITE, None, of="plane")
     plane: Plane | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(self.z is None or self.plane is None, "z: give either z or plane")
+        name = "z" if self.y is None else "y"
+        require(self.height is None or self.plane is None, f"{name}: give either {name} or plane")
         acts = self.between is None and self.acts
         require(acts, "a foundation is neither glued, off nor between")
 
-
-@dataclass(frozen=True)
-class SolveOptions(Checked):
-    """How to look for the limit load.
-
-    Attributes:
-        direction: Which end of the range of load factors: "positive", "negative" or "both".
-        quick: Forces at the corners of contacts alone: torsion is not limited.
-        gap: Largest gap of a load factor, relative.
-        states: Report the "first" collapse state found, or the "lowest".
-        lowest: Look for a lower collapse state than the first, from several starts; None: from one,
-            but with `fast`; False: for no other.
-        peak: Tell the most that the loading path carries; None: yes, but with `fast`.
-        time: After so many seconds what is known is the result; None: any time.
-        fast: The load factor alone.
-    """
-
-    direction: str = one_of("positive", "negative", "both")
-    quick: bool = False
-    gap: float = ruled(rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), 1e-3)
-    states: str = one_of("first", "lowest")
-    lowest: bool | None = None
-    peak: bool | None = None
-    time: float | None = ruled(rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
-    fast: bool = False
+    @property
+    def height(self) -> float | None:
+        """Height of the ground, m."""
+        return self.y if self.z is None else self.z
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Shared:
-    """What a scene and its file have alike; see `Scene`."""
-
-    materials: Mapping[str, Material] = field(default_factory=dict)
-    joints: Mapping[str, JointLaw] = field(default_factory=dict)
-    foundations: Mapping[str, Foundation] = field(default_factory=dict)
-    sides: Mapping[str, Sides] = field(default_factory=dict)
-    floors: Mapping[str, Floor] = field(default_factory=dict)
-    ties: Mapping[str, Tie] = field(default_factory=dict)
-    solve: SolveOptions = field(default_factory=SolveOptions)
-    output: OutputOptions = field(default_factory=OutputOptions)
-    seismic: Seismic | None = None
-    tolerance: float | None = ruled(POSITIVE, None)
-    title: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scene(Checked, _Shared):
-    """Rigid blocks in space with their laws and loads.
+class BlockScene(Shared):
+    """Rigid blocks, in space or in the plane, with their laws and loads.
 
     Attributes:
         blocks: At least one that moves.
@@ -181,23 +137,21 @@ class Scene(Checked, _Shared):
     blocks: tuple[Block, ...]
     live: Load = field(default_factory=Load)
     dead: Load = field(default_factory=Load)
+    materials: Mapping[str, Material] = field(default_factory=dict)
+    foundations: Mapping[str, Foundation] = field(default_factory=dict)  # type: ignore[assignment]
+    sides: Mapping[str, Sides] = field(default_factory=dict)
+    tolerance: float | None = ruled(POSITIVE, None)
     dimension: int = ruled(rule(lambda d: d in (2, 3), "must be 2 or 3"), 3)
-    thickness: float | None = ruled(POSITIVE, None)
+    thickness: float | None = None
     read: str = ""
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        dead = self.dead
-        live = self.live
-        bare = live.profile != "uniform" and not any(live.acceleration)
-        refused = [
-            ("blocks", all(block.fixed for block in self.blocks), "there is none that moves"),
-            ("materials is missing", not self.materials, "give [materials.default]"),
-            ("loads.live.movement", live.movement, "the ground moves with loads.dead; see there"),
-            ("loads.dead.profile", dead.profile != "uniform", "it is of the live load; leave it"),
-            ("loads.live.profile", bare, "it acts on loads.live.body, which is zero; give it"),
-        ]
+        Checked.__post_init__(self)  # type: ignore[arg-type]
+        self.check_parts()
+        require(not all(block.fixed for block in self.blocks), "blocks: there is none that moves")
+        require(bool(self.materials), "materials is missing; give [materials.default]")
+        refused: list[tuple[str, Any, str]] = []
         for key, law in self.laws().items():
             places = any(not isinstance(end, str) for end in law.between or ())
             crushes = law.tensile_strength > 0.0 and law.compressive_strength is not None
@@ -210,20 +164,12 @@ class Scene(Checked, _Shared):
             ]
         for key, wrong, text in refused:
             require(not wrong, f"{key}: {text}")
-        if self.seismic is not None:
-            check_inertia_forces(dead, live)
+        self.check_loads()
 
-    def laws(self) -> dict[str, JointLaw]:
-        """Laws of contacts by their keys in a scene file."""
-        laws: dict[str, JointLaw] = {f"joints.{name}": law for name, law in self.joints.items()}
-        return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
-
-    def record(self) -> dict[str, Any]:
-        """All but the blocks, with the names and values of a scene file."""
-        shared = _Shared(**{name: getattr(self, name) for name in _Shared.__dataclass_fields__})
-        loads = asdict(_LoadTables(self.live, self.dead))
-        tables = {**asdict(shared, dict_factory=_by_keys), "loads": loads}
-        return plane.in_plane(tables) if self.dimension == 2 else tables
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds that the scene is of, see `scene.rules.OF`."""
+        return "blocks", "plane" if self.dimension == 2 else "space"
 
     @property
     def units(self) -> Units:
@@ -234,7 +180,7 @@ class Scene(Checked, _Shared):
     @checked
     def from_file(
         cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-    ) -> Scene:
+    ) -> BlockScene:
         """Read a scene file and the blocks that it names.
 
         Args:
@@ -255,7 +201,7 @@ class Scene(Checked, _Shared):
 
     @classmethod
     @checked
-    def from_tables(cls, given: Mapping[str, Any], folder: Path, known: Any = None) -> Scene:
+    def from_tables(cls, given: Mapping[str, Any], folder: Path, known: Any = None) -> BlockScene:
         """A scene from the tables of a file, and the folder in which its blocks are found.
 
         Where these are `known`, as `ReadBlocks`, they are not read again.
@@ -263,18 +209,15 @@ class Scene(Checked, _Shared):
         Raises:
             InputError: If a table is wrong.
         """
-        in_plane = given.get("dimension", 2) == 2
-        tables = from_table(_SceneTables, plane.in_space(given) if in_plane else given)
-        shared = {name: getattr(tables, name) for name in _Shared.__dataclass_fields__}
+        tables = from_table(_SceneTables, given)
+        require_fit("plane", tables.plane, None, ("blocks",))
         read = known or read_blocks(given, folder)
+        shared = tables.given()
         lines = {name: Sides(lines=lines) for name, lines in read.sides.items()}
         shared["sides"] = {**lines, **tables.sides}
         return cls(
             blocks=read.blocks,
-            live=tables.loads.live,
-            dead=tables.loads.dead,
-            dimension=2 if in_plane else 3,
-            thickness=tables.plane.thickness,
+            dimension=tables.dimension,
             read=read.told,
             notes=read.notes,
             **shared,
@@ -298,17 +241,21 @@ class Scene(Checked, _Shared):
         contacts, laws = zip(*acting, strict=True)
         moving = [k for k, block in enumerate(blocks) if not block.fixed]
         masses = Masses.of_blocks(blocks, {k: self.material(blocks[k]).density for k in moving})
-        floors = {n: f.masses(f"floors.{n}", blocks, near) for n, f in self.floors.items()}
+        floors = {
+            name: masses_of_floor(f"floors.{name}", floor, blocks, near)
+            for name, floor in self.floors.items()
+        }
         pushed = masses.with_(*(floors[n][0] for n, floor in self.floors.items() if floor.mass))
         foot = min(lowest(blocks[k], self._up) for k in moving)
-        factors = self.live.factors(pushed.position @ self._up - foot, pushed.mass)
+        factors = factors_of(self.live, pushed.position @ self._up - foot, pushed.mass)
         dead = dict(surface_loads("loads.dead", self.dead, blocks, self.sides, near))
-        down = np.array([0.0, 0.0, -GRAVITY])
-        dead |= {f"floors.{n}": mass.acting(down, on=on) for n, (mass, on) in floors.items()}
+        dead |= {
+            f"floors.{n}": mass.acting(-GRAVITY * UP, on=on) for n, (mass, on) in floors.items()
+        }
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
         given = {**dead, **live}
-        dead["loads.dead.body"] = masses.acting(self.dead.acceleration)
-        live["loads.live.body"] = pushed.acting(self.live.acceleration, factors)
+        dead["loads.dead.body"] = masses.acting(lifted(self.dead.acceleration))
+        live["loads.live.body"] = pushed.acting(lifted(self.live.acceleration), factors)
         return Structure(
             blocks,
             contacts,
@@ -316,7 +263,7 @@ class Scene(Checked, _Shared):
             total("loads.dead", blocks, dead),
             total("loads.live", blocks, live),
             self.solve.quick,
-            tuple(tie.bar(f"ties.{name}", blocks, near) for name, tie in self.ties.items()),
+            tuple(bar_of(f"ties.{name}", tie, blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
             (*self.notes, *self._odd_sizes(), *warnings),
@@ -354,10 +301,10 @@ class Scene(Checked, _Shared):
     @property
     def _up(self) -> Array:
         """Unit vector against the dead load where that acts along x or y; else z."""
-        weight = self.dead.acceleration
+        weight = lifted(self.dead.acceleration)
         axis = int(np.argmax(np.abs(weight)))
         along = abs(weight[axis]) > SAME_DIRECTION * np.linalg.norm(weight)
-        return -np.sign(weight[axis]) * np.eye(3)[axis] if axis < 2 and along else np.eye(3)[2]
+        return -np.sign(weight[axis]) * np.eye(3)[axis] if axis < 2 and along else UP
 
     def _grounds(self) -> Iterator[tuple[str, tuple[float, ...], float]]:
         """Names of rigid grounds, unit vectors out of them, and their levels, m."""
@@ -365,11 +312,14 @@ class Scene(Checked, _Shared):
         if not given and not any(block.fixed for block in self.blocks):
             given = {GROUND: Foundation(friction=0.0)}  # its law is that of joints
         for name, law in given.items():
-            up = self._up if law.z is None else np.eye(3)[2]
-            level = min(lowest(b, up) for b in self.blocks) if law.z is None else law.z
+            up = self._up if law.height is None else UP
+            level = law.height
             if law.plane is not None:
-                up = np.array(law.plane.normal) / np.linalg.norm(law.plane.normal)
-                level = float(up @ law.plane.point)
+                normal = lifted(law.plane.normal or tuple(UP))
+                up = normal / np.linalg.norm(normal)
+                level = float(up @ lifted(law.plane.point))
+            elif level is None:
+                level = min(lowest(b, up) for b in self.blocks)
             yield name, tuple(up.tolist()), level
 
     def _moved(self, blocks: Sequence[Block]) -> Array | None:
@@ -379,7 +329,7 @@ class Scene(Checked, _Shared):
         for name, movement in self.dead.movement.items():
             text = f"loads.dead.movement.{name}: '{name}' is neither a fixed block nor a foundation"
             require(name in fixed, f"{text}; there are {listed(sorted(fixed))}")
-            moved[fixed[name]] = movement.motion
+            moved[fixed[name]] = motion_of(movement)
         return moved if self.dead.movement else None
 
     def _acting(
@@ -463,26 +413,9 @@ def _standing(
 # ---- what a scene file holds, table by table
 
 
-@dataclass(frozen=True)
-class _LoadTables:
-    live: Load = field(
-        metadata={"hint": ", or ask `fenics-contact stands` whether the dead load alone stands"}
-    )
-    dead: Load = field(default_factory=Load)
-
-
-@dataclass(frozen=True)
-class _PlaneTable(Checked):
-    thickness: float | None = ruled(POSITIVE, None)
-
-
 @dataclass(frozen=True, kw_only=True)
-class _SceneTables(_Shared):
-    loads: _LoadTables
-    dimension: int = 2
+class _SceneTables(Tables):
     blocks: Mapping[str, Any] = field(default_factory=dict)
-    plane: _PlaneTable = field(default_factory=_PlaneTable)
-
-
-def _by_keys(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    return {key_of(name): value for name, value in values}
+    foundations: Mapping[str, Foundation] = field(default_factory=dict)  # type: ignore[assignment]
+    sides: Mapping[str, Sides] = field(default_factory=dict)
+    tolerance: float | None = None

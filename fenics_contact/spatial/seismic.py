@@ -10,7 +10,7 @@ from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import relative_motions
 from fenics_contact.spatial.result import SpatialCollapse
-from fenics_contact.spatial.scene import Scene
+from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
 
@@ -26,7 +26,7 @@ def rigid_parts(structure: Structure, mode: Array) -> Indices:
 
 
 def seismic_check(
-    structure: Structure, collapse: SpatialCollapse, scene: Scene
+    structure: Structure, collapse: SpatialCollapse, scene: BlockScene
 ) -> SeismicCheck | None:
     """The check of a collapse; None where the scene asks for none, or no mass moves."""
     mode = collapse.mode

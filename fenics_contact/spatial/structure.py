@@ -187,7 +187,7 @@ class Structure:
         """Of points and bars, shape (., 3, 3): normal and tangents; the line of bars second."""
         along = np.zeros((len(self.bars), 3, 3))
         for k, bar in enumerate(self.bars):
-            line = bar.tie.ends[1] - bar.tie.ends[0]
+            line = bar.ends[1] - bar.ends[0]
             along[k, 1] = line / np.linalg.norm(line)
         axes = np.array([contact.axes for contact in self.contacts])
         return np.concatenate([axes[self.points.contact], along])
@@ -199,7 +199,7 @@ class Structure:
         blocks = np.vstack([pairs[self.points.contact], *(bar.blocks for bar in self.bars)])
         centroid = np.array([*(block.centroid for block in self.blocks), np.zeros(3)])  # of GROUND
         places = [
-            np.vstack([self.points.position, *(bar.tie.ends[end] for bar in self.bars)])
+            np.vstack([self.points.position, *(bar.ends[end] for bar in self.bars)])
             for end in (0, 1)
         ]
         arms = [place - centroid[block] for place, block in zip(places, blocks.T, strict=True)]

@@ -119,7 +119,7 @@ class SpatialView:
     def tie_ends(self) -> list[Array]:
         """Ends of ties, displaced, m, shape (2, 3) each."""
         bars = self.structure.bars
-        return [b.tie.ends + self.displacements(b.tie.ends, np.array(b.blocks)) for b in bars]
+        return [b.ends + self.displacements(b.ends, np.array(b.blocks)) for b in bars]
 
     @cached_property
     def share(self) -> Array:

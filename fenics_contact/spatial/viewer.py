@@ -63,7 +63,7 @@ def _data(views: Mapping[str, SpatialView]) -> dict[str, Any]:
             {"block": int(number), "sides": piece.sides, "at": rounded(piece.corners)}
             for number, piece in zip(view.bodies.of_piece, view.bodies.pieces, strict=True)
         ],
-        "ties": [(*bar.blocks, rounded(bar.tie.ends)) for bar in structure.bars],
+        "ties": [(*bar.blocks, rounded(bar.ends)) for bar in structure.bars],
         "views": [
             {
                 "name": direction_words(name),

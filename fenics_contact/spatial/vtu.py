@@ -82,7 +82,7 @@ def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> Non
         dead=structure.dead,
         live=structure.live,
         load_factor=end.load_factor,
-        tie_ends=np.array([bar.tie.ends for bar in structure.bars]).reshape(-1, 2, 3),
+        tie_ends=np.array([bar.ends for bar in structure.bars]).reshape(-1, 2, 3),
         tie_blocks=blocks[count:],
         tension=end.tension,
     )

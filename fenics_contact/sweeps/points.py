@@ -197,13 +197,12 @@ class Family:
 
     def _of_blocks(self, tables: Mapping[str, Any], folder: Path) -> Any:
         """A scene of rigid blocks; those of the last one are kept where their table is the same."""
-        from fenics_contact.spatial.scene import Scene as SceneOfBlocks
-        from fenics_contact.spatial.scene import read_blocks
+        from fenics_contact.spatial.scene import BlockScene, read_blocks
 
         table = tables.get("blocks"), tables.get("dimension")
         if self._blocks[0] != table:
             self._blocks = table, read_blocks(tables, folder)
-        return SceneOfBlocks.from_tables(tables, folder, self._blocks[1])
+        return BlockScene.from_tables(tables, folder, self._blocks[1])
 
     def _kept_mesh(self, name: str, blocks: str) -> BlockMesh:
         """The mesh of `mesh.file` and `mesh.blocks`; the last one is kept."""

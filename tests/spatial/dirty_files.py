@@ -20,8 +20,8 @@ import numpy as np
 
 from fenics_contact.errors import InputError
 from fenics_contact.scene.scene import JointLaw
+from fenics_contact.spatial import Material, Scene
 from fenics_contact.spatial.readers import read_blocks
-from fenics_contact.spatial.scene import Material, Scene
 
 SIDES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
 TOP = SIDES[1:2]
@@ -298,7 +298,7 @@ def lost(seed, folder):
 def unit_is_told(found):
     fixed = [replace(b, fixed=b.name.startswith("slab")) for b in found.blocks]
     laws = {
-        "materials": {"default": Material(2000.0)},
+        "materials": {"default": Material(density=2000.0)},
         "joints": {"default": JointLaw(friction=0.6)},
     }
     scene = Scene(blocks=tuple(fixed), **laws)

@@ -10,12 +10,12 @@ import pytest
 from scipy.optimize import brentq
 
 from fenics_contact import InputError
+from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.spatial import JointLaw, Load, Material, Scene, builders
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.crushing import rectangle_of
 from fenics_contact.spatial.limit import limit_load
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.scene import SolveOptions
 
 WIDTH, DEPTH, HEIGHT = 1.0, 0.6, 2.0
 #: Weight of the block over its base, Pa.
@@ -25,7 +25,7 @@ PRESSURE = 2000.0 * 9.81 * HEIGHT
 def scene_of(blocks, strength, push, quick=True):
     return Scene(
         blocks=tuple(blocks),
-        materials={"default": Material(2000.0)},
+        materials={"default": Material(density=2000.0)},
         joints={"default": JointLaw(friction=2.0, compressive_strength=strength)},
         dead=Load((0.0, 0.0, -9.81)),
         live=Load((9.81 * push[0], 9.81 * push[1], 0.0)),

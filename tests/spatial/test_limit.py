@@ -13,10 +13,10 @@ import pytest
 
 from fenics_contact import InputError
 from fenics_contact.cli.command_line import main
+from fenics_contact.scene.scene import JointLaw, SolveOptions
 from fenics_contact.spatial import Load, Material, Scene, Seismic, builders
 from fenics_contact.spatial.certificate import residuals_of
 from fenics_contact.spatial.limit import limit_load, standing
-from fenics_contact.spatial.scene import JointLaw, SolveOptions
 from fenics_contact.sweeps.sweep import sweep
 from fenics_contact.workers import Processes
 from tests import second_solver
@@ -53,7 +53,7 @@ def scene_of(blocks, friction=0.6, push=(1.0, 0.0, 0.0), **solve):
     """A scene of blocks under their weight, pushed."""
     return Scene(
         blocks=tuple(blocks),
-        materials={"default": Material(2000.0)},
+        materials={"default": Material(density=2000.0)},
         joints={"default": JointLaw(friction=friction)},
         dead=Load((0.0, 0.0, -9.81)),
         live=Load(direction=push),
@@ -173,9 +173,8 @@ def test_residuals_are_those_of_the_problem(path):
 def test_lower_states(path):
     """A low wall in its plane has collapse states at several load factors."""
     blocks = builders.wall(length=1.0, height=0.8, thickness=0.2, brick=(0.4, 0.2))
-    options = {"quick": True, "fast": True}
-    first = limit_load(scene_of(blocks, 0.5, **options))
-    lowest = limit_load(scene_of(blocks, 0.5, states="lowest", **options))
+    first = limit_load(scene_of(blocks, 0.5, quick=True, fast=True))
+    lowest = limit_load(scene_of(blocks, 0.5, quick=True, states="lowest"))
     assert lowest.status == "limit"
     assert lowest.load_factor <= first.load_factor * (1.0 + 1e-6)
     assert lowest.collapse.lowest == pytest.approx(lowest.load_factor)

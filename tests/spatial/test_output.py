@@ -14,15 +14,14 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fenics_contact.scene.scene import JointLaw
+from fenics_contact.scene.scene import JointLaw, SolveOptions, Tie
 from fenics_contact.spatial import Load, Material, Scene, builders
 from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
-from fenics_contact.spatial.loads import Bar, Tie
+from fenics_contact.spatial.loads import Bar
 from fenics_contact.spatial.picture import draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
-from fenics_contact.spatial.scene import SolveOptions
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.view import ContactState, SpatialView
 from fenics_contact.spatial.viewer import viewer_page, write_viewer
@@ -232,7 +231,8 @@ def test_viewer_is_small_and_holds_any_name():
 
 def test_ties_are_drawn(tipping, tmp_path):
     tie = Tie(from_=(0.0, 0.0, 1.5), ground=(2.0, 0.0, 0.0), yield_=1.0)
-    structure = replace(tipping.structure, bars=(Bar(tie, (2, -1)),))
+    bar = Bar(tie, (2, -1), np.array([tie.from_, tie.ground]))
+    structure = replace(tipping.structure, bars=(bar,))
     result = SpatialLimit(None, structure, dict(tipping.ends))
     view = SpatialView.of(structure, replace(tipping.collapse, tension=np.array([1.0])), ("stay",))
     (ends,) = view.tie_ends

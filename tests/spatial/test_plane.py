@@ -17,7 +17,7 @@ from fenics_contact.output.report.page import write_report
 from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.toml_tables import is_of_blocks
 from fenics_contact.spatial import prism
-from fenics_contact.spatial.plane import in_plane, in_space, prisms
+from fenics_contact.spatial.plane import prisms
 from fenics_contact.sweeps.sweep import sweep
 from tests.bank import WALLS, coulomb, wall_recipe
 from tests.system.program import environment, toml
@@ -51,8 +51,8 @@ def wall_of(name, mirrored=False, direction="positive"):
         dimension=2,
         materials={"default": rigid.Material(density=2000.0)},
         joints={"default": JointLaw(friction=0.65)},
-        dead=rigid.Load(body=(0.0, 0.0, -9.81)),
-        live=rigid.Load(body=(9.81, 0.0, 0.0)),
+        dead=rigid.Load(body=(0.0, -9.81)),
+        live=rigid.Load(body=(9.81, 0.0)),
         solve=rigid.SolveOptions(direction=direction),
     )
 
@@ -150,21 +150,31 @@ def test_a_block_in_the_air_falls(tmp_path):
     assert "loose" in result.reason()
 
 
-def test_places_have_two_numbers():
+def test_places_have_two_numbers(tmp_path):
+    """In the plane x-y of what people give, x-z of the blocks; angles are counterclockwise."""
+    moved = {"ground": {"displacement": [0.01, 0.0], "rotation": 0.5}}
+    force = {"p": {"at": [0.5, 2.0], "force": [3.0, 4.0]}}
     given = {
         "loads": {
-            "dead": {"body": [0.0, -9.81], "movement": {"g": {"rotation": 0.5}}},
-            "live": {"force": {"p": {"at": [1.0, 2.0], "force": [3.0, 0.0]}}},
+            "dead": {"body": [0.0, -9.81], "movement": moved},
+            "live": {"force": force},
         },
-        "floors": {"roof": {"y": 2.0, "x": [0.0, 1.0]}},
-        "ties": {"t": {"from": [0.0, 1.0], "to": [2.0, 1.0]}},
+        "floors": {"roof": {"y": 2.0, "x": [0.0, 1.0], "force": 1.0}},
+        "ties": {"t": {"from": [0.0, 1.0], "ground": [-2.0, 1.0], "yield": 1.0}},
     }
-    lifted = in_space(given)
-    assert lifted["loads"]["dead"]["body"] == [0.0, 0.0, -9.81]
-    assert lifted["loads"]["dead"]["movement"]["g"]["rotation"] == [0.0, -0.5, 0.0]
-    assert lifted["floors"]["roof"] == {"z": 2.0, "x": [0.0, 1.0]}
-    back = in_plane(lifted)
-    assert json.loads(json.dumps(back)) == given
+    scene = scene_of(tmp_path, **given)
+    structure = scene.structure()
+    assert structure.live[0, :3] == pytest.approx([3.0, 0.0, 4.0])
+    assert structure.bars[0].ends == pytest.approx(np.array([[0, 0, 1], [-2, 0, 1]]))
+    expected = [0.01, 0.0, 0.0, 0.0, -np.radians(0.5), 0.0]
+    assert structure.moved[-1] == pytest.approx(expected)
+    tables = json.loads(json.dumps(scene.tables()))
+    assert tables["loads"]["dead"]["movement"] == moved
+    assert tables["loads"]["live"]["force"] == force
+    assert tables["floors"]["roof"] == given["floors"]["roof"] | {"mass": False}
+    assert tables["ties"]["t"] == given["ties"]["t"] | {"prestress": 0.0}
+    again = rigid.Scene.from_tables({"blocks": BLOCK["blocks"], **tables}, tmp_path)
+    assert again.tables() == scene.tables()
 
 
 @pytest.mark.parametrize(

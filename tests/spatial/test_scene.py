@@ -86,7 +86,7 @@ def test_objects_are_a_scene_as_tables_are(scene_of):
     ]
     scene = Scene(
         blocks=tuple(blocks),
-        materials={"default": Material(2000.0)},
+        materials={"default": Material(density=2000.0)},
         joints={"default": JointLaw(friction=0.6)},
         foundations={"ground": Foundation(friction=0.8)},
         dead=Load((0.0, 0.0, -10.0)),
@@ -107,7 +107,7 @@ def block_scene(law=ROUGH, live=None, **more):
     block = Block((Polyhedron.box([0, 0, 0], [1, 1, 2]),), "block")
     return Scene(
         blocks=(block,),
-        materials={"default": Material(2000.0)},
+        materials={"default": Material(density=2000.0)},
         foundations={"ground": Foundation(**law)},
         dead=Load((0.0, 0.0, -10.0)),
         live=live or Load((10.0, 0.0, 0.0)),
@@ -150,10 +150,10 @@ WEST = {"west": Sides(normal=(-1.0, 0.0, 0.0))}
             block_scene(live=Load(force={"a": Force((1e4, 0, 0), block="block")})),
             0.5 * WEIGHT / 1e4,
         ),
-        (block_scene(floors={"a": Floor(2.0, 1e4)}), 0.5 * (WEIGHT + 1e4) / WEIGHT),
-        (block_scene(floors={"a": Floor(2.0, 1e4, x=(0, 0.5))}), 0.5 + 0.75 * 5e3 / WEIGHT),
+        (block_scene(floors={"a": Floor(1e4, z=2.0)}), 0.5 * (WEIGHT + 1e4) / WEIGHT),
+        (block_scene(floors={"a": Floor(1e4, z=2.0, x=(0, 0.5))}), 0.5 + 0.75 * 5e3 / WEIGHT),
         (
-            block_scene(floors={"a": Floor(2.0, 9810.0, mass=True)}),
+            block_scene(floors={"a": Floor(9810.0, z=2.0, mass=True)}),
             0.5 * (WEIGHT + 9810.0) / (WEIGHT + 2.0 * 1e4),
         ),
     ],
@@ -185,9 +185,9 @@ def test_a_floor_goes_to_what_is_below_by_area():
     blocks = tuple(Block((Polyhedron.box(*box),), str(k)) for k, box in enumerate(boxes))
     scene = Scene(
         blocks=blocks,
-        materials={"default": Material(1000.0)},
+        materials={"default": Material(density=1000.0)},
         joints={"default": JointLaw(friction=0.5)},
-        floors={"first": Floor(3.0, 100.0)},
+        floors={"first": Floor(100.0, z=3.0)},
     )
     dead = scene.structure().dead
     assert dead[:2, 2] == pytest.approx([-400.0, -200.0])
@@ -207,11 +207,11 @@ def test_laws_by_groups_names_and_ground():
         "bed": JointLaw(friction=0.3, between=("floor", "wall")),
         "top": JointLaw(friction=0.4, between=("b2", "b3")),
     }
-    scene = Scene(blocks=blocks, materials={"default": Material(1.0)}, joints=joints)
+    scene = Scene(blocks=blocks, materials={"default": Material(density=1.0)}, joints=joints)
     laws = scene.structure().laws
     assert [law.friction for law in laws] == [0.2, 0.1, 0.3, 0.4]
     off = {**joints, "bed": JointLaw(off=True, between=("floor", "wall"))}
-    scene = Scene(blocks=blocks, materials={"default": Material(1.0)}, joints=off)
+    scene = Scene(blocks=blocks, materials={"default": Material(density=1.0)}, joints=off)
     assert [law.friction for law in scene.structure().laws] == [0.2, 0.1, 0.4]
 
 
@@ -223,7 +223,7 @@ def test_rigid_ground_on_a_slope():
     plane = Plane((0.0, 0.0, 0.0), tuple(turned[2]))
     scene = Scene(
         blocks=(block,),
-        materials={"default": Material(1000.0)},
+        materials={"default": Material(density=1000.0)},
         foundations={"slope": Foundation(friction=0.7, plane=plane)},
         dead=Load((0.0, 0.0, -10.0)),
         live=Load(tuple(10.0 * turned[0])),
@@ -244,7 +244,7 @@ def test_a_support_that_settles_gives_its_load_to_others():
     def middle(settlement):
         scene = Scene(
             blocks=(*pads, beam),
-            materials={"default": Material(2000.0, young=1e9)},
+            materials={"default": Material(density=2000.0, young=1e9)},
             joints={"default": JointLaw(friction=0.6)},
             dead=Load((0, 0, -10), movement={"pad 1": Movement((0, 0, -settlement))}),
         )

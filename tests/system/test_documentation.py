@@ -25,9 +25,10 @@ import pytest
 import fenics_contact
 from fenics_contact import Scene
 from fenics_contact.meshing import polygons
+from fenics_contact.scene.rules import Checked, is_of
 from fenics_contact.scene.toml_tables import key_of
-from fenics_contact.spatial import builders, loads
-from fenics_contact.spatial import scene as spatial
+from fenics_contact.spatial import builders
+from fenics_contact.spatial.scene import BlockScene
 from tests.bank import sides
 from tests.drawing import rectangle
 from tests.system.program import ROOT, Run, changed, run_command, run_here, toml
@@ -205,31 +206,31 @@ def test_options_in_the_text_are_known(page):
         assert hasattr(options(), key), f"{table}.{key}"
 
 
-def keys(table: type) -> Iterator[str]:
-    """All keys of a scene file, without the tables that they are in."""
-    for name, hint in get_type_hints(table).items():
-        yield key_of(name)
-        for part in (hint, *get_args(hint)):
-            if dataclasses.is_dataclass(part) and part.__module__ == Scene.__module__:
-                yield from keys(part)
+def keys(table: type, scene: tuple[str, ...]) -> Iterator[str]:
+    """All keys of a scene file of some kinds, without the tables that they are in."""
+    hints = get_type_hints(table)
+    for item in dataclasses.fields(table):
+        if not is_of(item, scene):
+            continue
+        yield key_of(item.name)
+        for part in (hint := hints[item.name], *get_args(hint)):
+            if isinstance(part, type) and issubclass(part, Checked):
+                yield from keys(part, scene)
 
 
 def test_scene_reference_has_all_keys():
     text = (ROOT / "docs" / "scene.md").read_text()
-    found = set(keys(Scene))
+    found = set(keys(Scene, ("mesh", "plane")))
     assert {"young", "width", "tolerance", "capacity"} <= found
     assert [name for name in found if not re.search(rf"[`.\n]{name}\b", text)] == []
 
 
 def test_page_on_space_has_all_keys_and_builders():
     text = (ROOT / "docs" / "spatial.md").read_text()
-    tables = [spatial.Scene, spatial.Material, spatial.Plane, spatial.Foundation]
-    tables += [spatial.SolveOptions, loads.Sides, loads.Force, loads.Movement, loads.Tie]
-    tables += [loads.Load, loads.Floor]
     # Keys that a page on the plane tells of, or that space refuses; and what a file is told of.
-    elsewhere = {"law", "bound", "gap", "opened", "glued", "title", "live", "dead"}
-    elsewhere |= {"notes", "read"}
-    found = {key_of(field.name) for table in tables for field in dataclasses.fields(table)}
+    elsewhere = {"law", "bound", "gap", "opened", "glued", "title", "live", "dead", "poisson"}
+    elsewhere |= {"notes", "read", "units", "capacity", "confidence_factor", "demand"}
+    found = set(keys(BlockScene, ("blocks", "plane", "space")))
     for name, function in vars(builders).items():
         if getattr(function, "__module__", "") == builders.__name__ and name[0].islower():
             found |= {name, *function.__annotations__} - {"return"}

@@ -57,7 +57,6 @@ def mesh() -> BlockMesh:
           for x in ((-INF, 2.0), (1.0, NAN))),
         *((lambda x=x: Load(traction={"top": x}), r"traction\.top = .* must be two finite numbers")
           for x in ((INF, 0.0), (NAN, 1.0))),
-        (lambda: Load((1.0, 2.0, 3.0)), r"body = \[1.0, 2.0, 3.0\] must be two numbers, \[x, y\]"),
         (lambda: Load(traction={"top": 1.0}), r"traction\.top = 1.0 must be two numbers, \[x, y\]"),
         (lambda: Load(traction=[0.0, 1.0]), r"traction = .* must be a table, \[traction\]"),
         (lambda: Material("5e9", 0.2), "young = '5e9' must be a number"),
@@ -113,6 +112,8 @@ ON_ROOF = Load(traction={"roof": (0.0, -1.0)})
         ({"foundations": {"rock": ROUGH}}, "foundations.rock: .* it has 'bed', 'base'"),
         ({"supports": {"rock": "fixed"}}, "supports.rock"),
         ({"dead": ON_ROOF}, "loads.dead.traction.roof"),
+        ({"live": Load((1.0, 2.0, 3.0))}, r"loads.live.body = \[1.0, 2.0, 3.0\] must be two numb"),
+        ({"solve": SolveOptions(quick=True)}, "solve.quick is of scenes of rigid blocks"),
         ({"live": ON_ROOF}, "loads.live.traction.roof"),
         ({"joints": {"base": ROUGH}, "foundations": {"base": ROUGH}}, "group 'base' has two roles"),
         ({"foundations": {"base": ROUGH}, "supports": {"base": "fixed"}}, "'base' has two roles"),
