@@ -33,6 +33,9 @@ RANKS := 2 3
 MPI := mpi
 
 export OMP_NUM_THREADS := 1
+# Where the environment forbids to keep compiled modules, each of the programs that the tests start
+# would compile the package: 1.5 s.
+unexport PYTHONDONTWRITEBYTECODE
 # mpirun asks for these where root runs it, as in a container.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1

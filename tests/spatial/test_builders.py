@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -24,71 +27,90 @@ def polygon(radius, corners):
     return 0.5 * corners * radius**2 * np.sin(2.0 * np.pi / corners)
 
 
+#: Builders with their sizes, and the volume by hand.
 MADE = {
     "wall": (
-        builders.wall(length=4.0, height=2.8, thickness=0.2, openings=[[1.0, 1.8, 0.0, 2.0]]),
+        partial(
+            builders.wall, length=4.0, height=2.8, thickness=0.2, openings=[[1.0, 1.8, 0.0, 2.0]]
+        ),
         0.2 * (4.0 * 2.8 - 0.8 * 2.0),
     ),
     "corner": (
-        builders.corner(length_x=2.4, length_y=1.9, height=2.0, thickness=0.3),
+        partial(builders.corner, length_x=2.4, length_y=1.9, height=2.0, thickness=0.3),
         0.3 * (2.4 + 1.9 - 0.3) * 2.0,
     ),
     "facade": (
-        builders.facade(length=1.6, side=1.0, height=1.2, thickness=0.2),
+        partial(builders.facade, length=1.6, side=1.0, height=1.2, thickness=0.2),
         0.2 * (1.6 + 2.0 * 0.8) * 1.2,
     ),
     "house": (
-        builders.house(**HOUSE, openings=WINDOWS),
+        partial(builders.house, **HOUSE, openings=WINDOWS),
         0.2 * ((2.0 * 4.8 + 2.0 * 2.8) * 2.4 - 2.0 * 0.64 - 0.8 * 1.6),
     ),
     "house with floors": (
-        builders.house(**HOUSE, floors=[1.2, 2.2], floor_strips=4),
+        partial(builders.house, **HOUSE, floors=[1.2, 2.2], floor_strips=4),
         0.2 * (2.0 * 4.8 + 2.0 * 2.8) * 2.4 + 2.0 * 0.2 * 4.4 * 2.8,
     ),
     "tower": (
-        builders.tower(width=3.0, height=6.0, thickness=0.5, top_width=2.0, brick=(1.0, 0.5)),
+        partial(
+            builders.tower, width=3.0, height=6.0, thickness=0.5, top_width=2.0, brick=(1.0, 0.5)
+        ),
         (9.0 - 4.0) * 6.0 * (1.0 + 4.0 / 9.0 + 2.0 / 3.0) / 3.0,
     ),
     "barrel vault": (
-        builders.barrel_vault(
-            span=2.0, rise=1.0, thickness=0.2, length=3.0, voussoirs=12, strips=3
+        partial(
+            builders.barrel_vault,
+            span=2.0,
+            rise=1.0,
+            thickness=0.2,
+            length=3.0,
+            voussoirs=12,
+            strips=3,
         ),
         3.0 * 6.0 * (1.2**2 - 1.0) * np.sin(np.pi / 12.0),
     ),
     "cross vault": (
-        builders.cross_vault(span=1.85, thickness=0.15, length=2.5, voussoirs=16),
+        partial(builders.cross_vault, span=1.85, thickness=0.15, length=2.5, voussoirs=16),
         None,
     ),
-    "dome": (builders.dome(**DOME), None),
-    "bonded dome": (builders.dome(**DOME, bonded=True, keystone=True, embrace=70.0), None),
+    "dome": (partial(builders.dome, **DOME), None),
+    "bonded dome": (partial(builders.dome, **DOME, bonded=True, keystone=True, embrace=70.0), None),
     "bridge": (
-        builders.bridge(span=4.0, rise=1.2, thickness=0.3, width=2.0, height=2.0, voussoirs=14),
+        partial(
+            builders.bridge, span=4.0, rise=1.2, thickness=0.3, width=2.0, height=2.0, voussoirs=14
+        ),
         None,
     ),
 }
 
 
+@functools.cache
+def made(name):
+    """Blocks of one of `MADE`, their contacts, and the volume by hand."""
+    build, by_hand = MADE[name]
+    blocks = build()
+    return blocks, checked_contacts(blocks)[0], by_hand
+
+
 @pytest.mark.parametrize("name", MADE)
 def test_builders_make_structures(name):
     """Volumes are those by hand; no joint is lost; names differ; something is ground."""
-    blocks, by_hand = MADE[name]
+    blocks, contacts, by_hand = made(name)
     assert all(b.volume > 0.0 for b in blocks)
     assert len({b.name for b in blocks}) == len(blocks)
     assert any(b.fixed and b.group == "ground" for b in blocks)
     if by_hand is not None:
         assert volume(blocks) == pytest.approx(by_hand, rel=1e-12)
-    touched = {
-        k for contact in checked_contacts(blocks)[0] for k in (contact.first, contact.second)
-    }
+    touched = {k for contact in contacts for k in (contact.first, contact.second)}
     assert touched >= {k for k, block in enumerate(blocks) if not block.fixed}
 
 
 @pytest.mark.parametrize("name", ["wall", "corner", "house with floors", "cross vault", "bridge"])
 def test_blocks_rest_on_what_is_below(name):
     """Without friction on vertical joints, every block of a wall has a bed: area that bears."""
-    blocks, _ = MADE[name]
+    blocks, contacts, _ = made(name)
     bears = np.zeros(len(blocks))
-    for contact in checked_contacts(blocks)[0]:
+    for contact in contacts:
         upper, lower = (contact.second, contact.first)
         rise = contact.axes[0, 2]
         bears[upper if rise > 0.0 else lower] += contact.area * abs(rise)

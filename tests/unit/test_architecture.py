@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import os
 import subprocess
 import sys
@@ -16,8 +17,8 @@ import pytest
 import fenics_contact
 
 PACKAGE = Path(fenics_contact.__file__).parent
-TREES = {
-    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): ast.parse(path.read_text())
+FILES = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
     for path in sorted(PACKAGE.rglob("*.py"))
     if path.name != "__init__.py"  # a package's face only hands on what others define
 }
@@ -44,8 +45,8 @@ SHORT = {"mesh", "meshing", "builders", "drawing"}
 #: Beside the floors: PETSc and numpy only, used by these.
 SOLVERS = "solvers"
 SOLVERS_USERS = {"discretization", "faces", "results", "collapse", "answers"}
-IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
-ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
+IN_SOLVERS = {name for name in FILES if name.startswith(f"{SOLVERS}.")}
+ON_FLOORS = set(FILES) - IN_SOLVERS - SHORT
 
 #: Modules that talk to people.
 CONSOLE = {"cli.command_line", "cli.commands", "__main__"}
@@ -58,6 +59,18 @@ PROBES = ("hasattr(", "inspect.", "dolfinx.__version__", "._mesh", "_cpp_object"
 
 #: What not all versions have.
 ONE_VERSION = {"dolfinx.cpp", "basix.ufl", "inspect", "importlib.metadata"}
+
+
+@functools.cache
+def tree_of(name: str) -> ast.Module:
+    """A module of the package, parsed."""
+    return ast.parse(FILES[name].read_text())
+
+
+@functools.cache
+def nodes_of(name: str) -> list[ast.AST]:
+    """All nodes of a module."""
+    return list(ast.walk(tree_of(name)))
 
 
 def imported(nodes: Iterable[ast.AST]) -> set[str]:
@@ -82,10 +95,11 @@ def at_import(tree: ast.AST) -> Iterator[ast.AST]:
         yield from at_import(node)
 
 
+@functools.cache
 def own_imports(name: str) -> set[str]:
     """Modules of the package that a module imports anywhere, for type checkers too."""
-    names = {n.removeprefix("fenics_contact.") for n in imported(ast.walk(TREES[name]))}
-    return (names & set(TREES)) - {name}
+    names = {n.removeprefix("fenics_contact.") for n in imported(nodes_of(name))}
+    return (names & set(FILES)) - {name}
 
 
 def roots(names: Iterable[str]) -> set[str]:
@@ -98,7 +112,7 @@ def floor(name: str) -> int:
 
 
 def test_every_module_has_its_floor():
-    assert roots(TREES) == set().union(*FLOORS, {SOLVERS}, SHORT)
+    assert roots(FILES) == set().union(*FLOORS, {SOLVERS}, SHORT)
     assert len(IN_SOLVERS) >= 5
 
 
@@ -108,13 +122,13 @@ def test_imports_run_downstairs():
 
 
 def test_what_is_shown_is_data():
-    shown = {name for name in TREES if roots([name]) & {"output", "console", "results"}}
+    shown = {name for name in FILES if roots([name]) & {"output", "console", "results"}}
     others = {name: roots(own_imports(name)) & {"collapse", "answers"} for name in shown}
     assert {name: found for name, found in others.items() if found} == {}
 
 
 def test_short_ways_are_for_users():
-    assert {name for name in TREES if own_imports(name) & SHORT} == set()
+    assert {name for name in FILES if own_imports(name) & SHORT} == set()
 
 
 def test_solvers_are_used_by_few_folders():
@@ -128,12 +142,12 @@ def test_solvers_import_each_other_and_errors():
         for name in IN_SOLVERS
     }
     assert {name: found for name, found in others.items() if found} == {}
-    known = roots(name for solver in IN_SOLVERS for name in imported(ast.walk(TREES[solver])))
+    known = roots(name for solver in IN_SOLVERS for name in imported(nodes_of(solver)))
     assert not known & {"dolfinx", "ufl", "basix", "gmsh"}
 
 
 def test_imports_have_no_circle():
-    sorter = TopologicalSorter({name: own_imports(name) for name in TREES})
+    sorter = TopologicalSorter({name: own_imports(name) for name in FILES})
     try:
         sorter.prepare()
     except CycleError as error:
@@ -167,16 +181,16 @@ def test_solvers_load_without_dolfinx():
 
 
 def test_slow_modules_are_imported_where_they_are_used():
-    early = {name: roots(imported(at_import(tree))) & LATE for name, tree in TREES.items()}
+    early = {name: roots(imported(at_import(tree_of(name)))) & LATE for name in FILES}
     assert {name: found for name, found in early.items() if found} == {}
 
 
 def test_versions_of_dolfinx_are_known_to_one_module():
-    for name, tree in TREES.items():
-        text = ast.unparse(tree)
+    for name in FILES:
+        text = ast.unparse(tree_of(name))
         if name != "compat":
             assert [probe for probe in PROBES if probe in text] == [], name
-            assert not imported(ast.walk(tree)) & ONE_VERSION, name
+            assert not imported(nodes_of(name)) & ONE_VERSION, name
         else:
             assert "hasattr(" in text, "asks for features"
             assert "__version__" not in text, "not for numbers"
@@ -184,13 +198,13 @@ def test_versions_of_dolfinx_are_known_to_one_module():
 
 def test_no_assert_statement():
     # They vanish under `python -O`; what can go wrong raises an exception of the package.
-    for name, tree in TREES.items():
-        assert not any(isinstance(node, ast.Assert) for node in ast.walk(tree)), name
+    for name in FILES:
+        assert not any(isinstance(node, ast.Assert) for node in nodes_of(name)), name
 
 
 def test_no_world_communicator_and_no_print():
-    for name in set(TREES) - CONSOLE:
-        nodes = list(ast.walk(TREES[name]))
+    for name in set(FILES) - CONSOLE:
+        nodes = nodes_of(name)
         words = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes}
         assert not {"print", "COMM_WORLD"} & words, name
         assert not any(full.endswith(".COMM_WORLD") for full in imported(nodes)), name
