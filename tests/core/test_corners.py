@@ -19,6 +19,7 @@ from fenics_contact import (
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
 from tests.helpers import Drawing, mesh_of, rectangle, rotation
+from tests.quick import slow
 
 FLOOR = rectangle(-4, -0.3, 4, 0)
 
@@ -63,7 +64,7 @@ OCTAGON = [(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
 KITE = [(0, 0), (0.5, 0.6), (0, 0.9), (-0.5, 0.6)]
 
 
-@pytest.mark.parametrize("size", [0.25, 0.1])
+@pytest.mark.parametrize("size", [0.25, *slow(0.1)])
 @pytest.mark.parametrize("gap", [0.0, 1e-3])
 @pytest.mark.parametrize(
     ("points", "angle", "friction"), [(SQUARE, 45.0, 0.0), (OCTAGON, 0.0, 0.6), (KITE, 0.0, 0.4)]
@@ -87,9 +88,9 @@ TABLE = [(0, 0), (0.15, 0.3), (0.85, 0.3), (1, 0), (1, 1), (0, 1)]
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("size", [0.3, 0.1])
+@pytest.mark.parametrize("size", [0.3, *slow(0.1)])
 @pytest.mark.parametrize(("gap", "turned"), [(0.0, 0.0), (1e-3, 0.0), (0.0, 0.8)])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, *slow(2)])
 def test_table_on_two_points_rocks_and_slides(size, gap, turned, degree):
     # By hand: areas and heights of a square less a trapezium; it rocks about a point.
     cut = 0.5 * (1.0 + 0.7) * 0.3

@@ -31,6 +31,7 @@ from fenics_contact.output.view import view_of
 from tests.bank import GRAVITY, coulomb, sides
 from tests.drawing import rectangle, turned
 from tests.helpers import STONE, on_ground
+from tests.quick import each_once, slow
 
 pytestmark = pytest.mark.mpi
 
@@ -70,10 +71,9 @@ def added(floors: dict[str, Floor], kind: str, **options: Any) -> np.ndarray:
     return on_blocks(stack(floors, **options), kind) - on_blocks(stack({}, **options), kind)
 
 
-@pytest.mark.parametrize("quads", [False, True])
-@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("where", [{"at": "top"}, {"y": HEIGHT, "x": (0.0, WIDTH)}])
 @pytest.mark.parametrize("mass", [False, True])
+@pytest.mark.parametrize(("quads", "degree"), each_once([False, True], [1, 2]))
 def test_block_under_a_floor_rocks(mass, where, degree, quads):
     """Moments about the toe: (W + N) b / 2 = lambda (W h / 2 + N h), the last with mass."""
     result = limit_load(block(Floor(FLOOR, **where, mass=mass), quads=quads, degree=degree))
@@ -93,7 +93,7 @@ def test_block_under_a_floor_rocks(mass, where, degree, quads):
         (Floor(FLOOR, y=HEIGHT, x=(0.05, 0.06)), 2, (0.05, 0.06)),
     ],
 )
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, *slow(2)])
 def test_floor_inside_a_wall_lies_on_the_block_below(floor, row, ends, degree):
     found = added({"one": floor}, "dead", degree=degree)
     load = FLOOR * (ends[1] - ends[0])

@@ -18,6 +18,7 @@ from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.helpers import numbers
 from tests.property.scenes import Draw
+from tests.quick import some
 
 
 def bracket(scene: Scene, sign: float = 1.0) -> LimitBounds:
@@ -80,7 +81,7 @@ def test_a_wall_proves_nothing_beyond_no_friction_and_soon():
     assert (bounds.lower, bounds.frictionless) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 8, 11, 13, 24])
+@pytest.mark.parametrize("seed", some([1, 3, 8, 11, 13, 24], 2))
 def test_states_that_were_found_are_in_the_bracket(seed):
     draw = Draw.of_seed(seed)
     scene = draw.recipe().scene(draw.elements)

@@ -13,6 +13,7 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import proved_fall
 from tests.bank import coulomb, wall_recipe
 from tests.helpers import planar_faces
+from tests.quick import slow
 from tests.second_solver import limit, misses, own_limit
 
 
@@ -26,7 +27,7 @@ def model_of(name: str, friction: float) -> FaceModel:
     return planar_faces(wall_recipe(name, coulomb(friction)).scene(1)).model
 
 
-@pytest.mark.parametrize("name", ["W1", "W3", "10x10", "20x20"])
+@pytest.mark.parametrize("name", ["W1", "W3", "10x10", *slow("20x20")])
 @pytest.mark.parametrize("friction", [0.4, 0.75])
 def test_a_state_of_convex_programs(name, friction):
     """HiGHS finds the limit with the friction forces of the state where the certificate says."""

@@ -9,6 +9,7 @@ from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_l
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
 from tests.helpers import mesh_of, rectangle
+from tests.quick import slow
 
 
 def disc(x: float, y: float, radius: float, chords: int = 120) -> np.ndarray:
@@ -36,7 +37,7 @@ def on_floor(
     )
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, *slow(2)])
 @pytest.mark.parametrize(("radius", "slope"), [(1.0, 3.0), (1.0, 1.0), (0.5, 2.0), (2.0, 1.0)])
 def test_disc_on_a_slope_is_not_said_to_stand(radius, slope, degree):
     scene = on_floor([disc(0.0, radius, radius)], slope, 0.6, degree=degree)

@@ -25,6 +25,7 @@ from fenics_contact.geometry.refinement import refine
 from fenics_contact.meshing import polygons
 from tests.bank import BANK
 from tests.helpers import coulomb, on_ground
+from tests.quick import each_once
 
 SCENES = ("W1 coulomb 0.65", "W1 tresca 2 kPa", "arch 15 0.15", "wedge 0.3")
 
@@ -45,8 +46,7 @@ def one_block() -> Scene:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("make", [copy.deepcopy, stored])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "make"), each_once(SCENES, [copy.deepcopy, stored]))
 def test_a_copied_scene_has_the_same_limit_load(name, make):
     scene = BANK[name].scene(1, fast=True)
     expected = limit_load(scene).load_factor  # to rounding: sums over ranks have no order

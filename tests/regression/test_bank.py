@@ -5,13 +5,38 @@ from __future__ import annotations
 import pytest
 
 from fenics_contact import LimitLoad, limit_load
-from tests.bank import BANK, Known, known
+from tests.bank import BANK, WALLS, Known, known
+
+#: Over a second each, of kinds of which others are quick.
+SECONDS = (
+    "arch wall 0.6 to the right",
+    "gable 0.6 to the left",
+    "stone of 0.001 on a block",
+    "slabs of 1000 to 1 300",
+    "cells of 1000 to 1 4000",
+    "10x10 coulomb 0.75 fine",
+)
+#: Of walls over friction and strength, which are alike, the quick ones.
+ALIKE = {
+    "tresca": {"W1 tresca 0.5 kPa", "W2 tresca 2 kPa", "W3 tresca 8 kPa", "W4 tresca 2 kPa"},
+    "bracket": {
+        f"{name} bracket {f:g}" for name, f in zip(WALLS, (0.3, 0.65, 0.8, 1), strict=True)
+    },
+    "wall": {f"{name} coulomb 0.65" for name in WALLS} | {"W4 coulomb 0.65 fine"},
+}
+
+
+def is_slow(entry: Known) -> bool:
+    """Whether a test of an entry is a slow one."""
+    about = entry.tags - ({"wall"} if {"tresca", "bracket"} & entry.tags else set())
+    alike = [names for tag, names in ALIKE.items() if tag in about]
+    return "slow" in entry.tags or entry.name in SECONDS or any(entry.name not in n for n in alike)
 
 
 def cases(entries: list[Known]) -> pytest.MarkDecorator:
     """Parameter `entry`, whose name is the test's; slow entries are marked as such."""
     marked = [
-        pytest.param(e, id=e.name, marks=[pytest.mark.slow] if "slow" in e.tags else [])
+        pytest.param(e, id=e.name, marks=[pytest.mark.slow] if is_slow(e) else [])
         for e in entries
         if "open" not in e.tags
     ]
