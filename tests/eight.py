@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from fenics_contact import (
     EdgeForce,
     Floor,
     JointLaw,
+    LimitLoad,
     Load,
     Material,
     OutputOptions,
@@ -24,6 +26,7 @@ from fenics_contact import (
     Seismic,
     SolveOptions,
     Tie,
+    limit_load,
 )
 from fenics_contact.builders import bridge, facade, retaining_wall
 from fenics_contact.meshing import arch, polygons
@@ -130,3 +133,9 @@ EIGHT: dict[str, Callable[[], Scene]] = {
     "ring": ring,
     "wall with opening": wall_with_opening,
 }
+
+
+@cache
+def collapse(name: str) -> LimitLoad:
+    """The limit load of one of them, solved once."""
+    return limit_load(EIGHT[name]())

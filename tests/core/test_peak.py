@@ -20,6 +20,7 @@ from fenics_contact.sweeps.points import KeptStructure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.helpers import mesh_of
 from tests.property.scenes import Draw
+from tests.quick import slow
 
 A, B, C, D = (0.454286, 0.399982), (0.611674, 0.675854), (0.441754, 0.887746), (0.0, 0.429899)
 E, F, G = (0.0, 0.844656), (0.574139, 0.0), (1.135223, 0.687643)
@@ -104,7 +105,7 @@ def test_a_peak_that_larger_products_hide():
     assert end.peak.load_factor == pytest.approx(0.3112, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", ["W2", "10x10"])
+@pytest.mark.parametrize("name", ["W2", *slow("10x10")])
 def test_none_by_the_path_to_the_collapse_without_a_factorisation(name):
     options = {"fast": False, "error": False, "lowest": False}
     recipe = wall_recipe(name, coulomb(0.65))

@@ -116,13 +116,13 @@ def test_sweep_of_a_scene():
 
 def test_sweep_of_a_scene_takes_every_key():
     values = {
-        "materials.default.young": [1e9, 2e9],
+        "materials.default.young": [2e9],
         "plane.state": ["strain", "stress"],
         "mesh.degree": "1:2:2",
         "solve.direction": ["both"],
     }
     found = sweep(scene(), values)
-    assert len(found) == 8
+    assert len(found) == 4
     assert found.column("load_factor") == pytest.approx(0.3, rel=1e-6)
     assert found.column("load_factor_negative") == pytest.approx(-0.3, rel=1e-6)
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import InputError, Load, SolveOptions, limit_load, sweep
+from fenics_contact import InputError, LimitLoad, Load, SolveOptions, limit_load, sweep
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.output.files import result_record, strict
 from tests.bank import BANK, Variant, coulomb, wall_recipe
 from tests.helpers import numbers
+from tests.quick import slow
 
 W4 = wall_recipe("W4", coulomb(0.65))
 #: Pushed from the left, and from both sides; two refined meshes of 125 000 displacements.
@@ -23,9 +25,14 @@ PUSHED = replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0)})}), 4.965
 SQUEEZED = replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0), "right": (-1e3, 0.0)})})
 
 
+@cache
+def accurate() -> LimitLoad:
+    return limit_load(W4.scene(2, accuracy=1e-3))
+
+
 @pytest.mark.mpi
 def test_point_hinges_are_accurate_on_two_meshes():
-    result = limit_load(W4.scene(2, accuracy=1e-3))
+    result = accurate()
     assert result.status == "limit" and not result.inaccurate
     assert result.load_factor == pytest.approx(0.279514, rel=2e-4)
     rows = result.passes
@@ -75,7 +82,7 @@ def test_refinement_where_joints_slide(quadrilaterals):
 
 def test_state_of_hinges_is_in_equilibrium_on_the_mesh():
     """Its displacements are those of the mesh, without the indentation of the hinges."""
-    result = limit_load(W4.scene(2, comm=MPI.COMM_SELF, accuracy=1e-3))
+    result = accurate()
     state = result.positive.state
     with Discretization(result.scene) as whole:
         kkt = whole.problem
@@ -117,7 +124,7 @@ def test_an_accuracy_that_is_not_reached_is_said():
     assert "NOT REACHED" in summary(result, verbose=True)
 
 
-@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", "arch 15 0.15"])
+@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", *slow("arch 15 0.15")])
 def test_one_pass_where_nothing_depends_on_the_mesh(name):
     plain, result = (limit_load(BANK[name].scene(accuracy=wished)) for wished in (None, 1e-4))
     assert result.load_factor == plain.load_factor

@@ -10,6 +10,7 @@ from tests.bank import BANK, WALLS, Known, known
 #: Over a second each, of kinds of which others are quick.
 SECONDS = (
     "arch wall 0.6 to the right",
+    "arch wall 0.6 to the left",
     "gable 0.6 to the left",
     "stone of 0.001 on a block",
     "slabs of 1000 to 1 300",

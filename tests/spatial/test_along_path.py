@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import logging
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,14 @@ def test_peak_is_above_the_collapse_and_stands():
     assert standing(asked, end.peak.load_factor * (1.0 - 1e-4)).status == "equilibrium"
 
 
+@cache
+def row():
+    """The collapse of the row with its curve, solved once."""
+    return limit_load(scene(output={"capacity": 10})).ends["positive"]
+
+
 def test_path_that_rises_has_no_peak():
-    assert limit_load(scene()).ends["positive"].peak.status == "none"
+    assert row().peak.status == "none"
 
 
 def test_fast_and_unasked_leave_the_peak_out():
@@ -68,13 +75,15 @@ def test_fast_and_unasked_leave_the_peak_out():
     "more",
     [
         {},
-        {"joints": {"default": {"friction": 0.65, "cohesion": 2e3}}},
+        pytest.param(
+            {"joints": {"default": {"friction": 0.65, "cohesion": 2e3}}}, marks=pytest.mark.slow
+        ),
         {"ties": {"t": TIE}},
     ],
     ids=["dry", "cohesion", "tie"],
 )
 def test_curve_rises_from_rest_to_the_collapse(more):
-    end = limit_load(scene(output={"capacity": 10}, **more)).ends["positive"]
+    end = limit_load(scene(output={"capacity": 10}, **more)).ends["positive"] if more else row()
     factors = np.array([point.load_factor for point in end.curve])
     moved = np.array([point.displacement for point in end.curve])
     assert len(factors) == 10
@@ -110,8 +119,7 @@ def test_both_directions_of_a_mirrored_wall_have_mirrored_curves():
 
 
 def test_states_below_the_collapse_are_equilibria_and_none_is_above_the_upper_end():
-    asked = scene()
-    end = limit_load(asked).ends["positive"]
+    asked, end = scene(), row()
     for part in (0.3, 0.99):
         found = standing(asked, part * end.load_factor).ends["positive"]
         assert found.status == "equilibrium"

@@ -9,6 +9,7 @@ from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
+from tests.quick import each_once
 
 GROUND = Block((Polyhedron.box([-3.0, -3.0, -0.2], [3.0, 3.0, 0.0]),), "ground", fixed=True)
 
@@ -24,8 +25,7 @@ def block_on_ground(size, friction, live, quick=False):
     return Structure(blocks, contacts, laws, dead, np.array([np.zeros(6), live]), quick)
 
 
-@pytest.mark.parametrize("quick", [True, False])
-@pytest.mark.parametrize("degrees", [0.0, 20.0, 30.0, 45.0])
+@pytest.mark.parametrize(("degrees", "quick"), each_once([0.0, 20.0, 30.0, 45.0], [True, False]))
 def test_block_slides_or_tilts(degrees, quick):
     x, y = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     live = [x, y, 0.0, 0.0, 0.0, 0.0]

@@ -20,6 +20,7 @@ from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.sweeps.sweep import sweep
 from fenics_contact.workers import Processes
 from tests import second_solver
+from tests.quick import each_once
 
 #: A block of 1 m x 1 m x 2 m on rigid ground, pushed along x.
 BLOCK = """
@@ -195,8 +196,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("quick", [True, False])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "quick"), each_once([*SCENES], [True, False]))
 def test_gap_by_a_second_solver(name, quick):
     """With the friction of the state, and associated with it, another solver finds the limit."""
     scene = scene_of(SCENES[name](), 0.7, (0.8, 0.6, 0.0), quick=quick, gap=1e-3)

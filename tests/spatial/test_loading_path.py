@@ -10,6 +10,7 @@ import pytest
 from fenics_contact import Scene as PlanarScene
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.spatial import Scene, limit_load
+from tests.quick import slow
 
 ROOT = Path(__file__).parents[2]
 #: Load factors of the planar path, friction 0.65.
@@ -42,7 +43,7 @@ def extruded(name: str, **solve) -> Scene:
     return Scene.from_tables(tables, Path())
 
 
-@pytest.mark.parametrize("name", WALLS)
+@pytest.mark.parametrize("name", ["w4", *slow("w3")])
 def test_wall_of_the_plane_collapses_as_there(name):
     result = limit_load(extruded(name, fast=True))
     found = result.ends["positive"]

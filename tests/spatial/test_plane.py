@@ -20,6 +20,7 @@ from fenics_contact.spatial import prism
 from fenics_contact.spatial.plane import prisms
 from fenics_contact.sweeps.sweep import sweep
 from tests.bank import WALLS, coulomb, wall_recipe
+from tests.quick import quick
 from tests.system.program import environment, toml
 from tests.system.test_drawing import write_dxf
 
@@ -100,7 +101,7 @@ def test_forces_tractions_floors_and_profiles(tmp_path):
     assert found == pytest.approx(0.5 / (4.0 / 3.0), rel=1e-6)
 
 
-@pytest.mark.parametrize("name", WALLS)
+@pytest.mark.parametrize("name", quick(WALLS, "W3"))
 def test_walls_end_as_with_a_mesh(name):
     """The rigid end is the same; the state is that of faces' springs, not of elastic blocks."""
     bare = rigid.limit_load(wall_of(name))

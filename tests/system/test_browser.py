@@ -45,7 +45,7 @@ def block(page, number: int):
     return place.rect, place.get_attribute("transform")
 
 
-def test_the_slider_moves_the_blocks(page):
+def test_the_slider_moves_the_blocks_and_is_not_in_print(page):
     from selenium.webdriver.common.keys import Keys
 
     slider = page.find_element("css selector", "figure.moving input")
@@ -61,9 +61,6 @@ def test_the_slider_moves_the_blocks(page):
     # The tower tips to the right about its toe: the upper block moves right and down its corner.
     assert far["x"] + far["width"] > near["x"] + near["width"] > rest["x"] + rest["width"]
     assert [entry for entry in page.get_log("browser") if entry["level"] == "SEVERE"] == []
-
-
-def test_print_has_no_slider(page):
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     assert not page.find_element("css selector", "figure.moving input").is_displayed()
     # Print has one picture of the collapse, that of page 1.

@@ -15,7 +15,9 @@ from fenics_contact.cli import commands
 from fenics_contact.errors import OutputError
 from fenics_contact.output.folder import filled_at_once
 from tests.drawing import rectangle
+from tests.quick import slow
 from tests.system.program import (
+    QUIET,
     Run,
     command,
     files,
@@ -108,13 +110,12 @@ def test_folder_that_changes_during_the_run(
     assert files(folder) == before
 
 
-@pytest.mark.parametrize("size", [0, 1000, 30000])
+@pytest.mark.parametrize("size", [0, 30000, *slow(1000)])
 def test_full_disk_leaves_nothing(size, tmp_path):
     check_full_disk(size, 1, tmp_path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [100, 5000])
+@pytest.mark.parametrize("size", slow(100, 5000))
 def test_full_disk_on_two_ranks(size, tmp_path):
     check_full_disk(size, 2, tmp_path)
 
@@ -144,17 +145,22 @@ def test_earlier_result_stays_where_a_new_one_cannot_be_written(tmp_path, capsys
     ("arguments", "target"),
     [
         (["report", "disk/scene"], "disk/scene/report.html"),
-        (["report", "given/scene", "-o", "disk/page.html"], "disk/page.html"),
-        (["report", "given/scene", "--pdf", "disk/page.pdf"], "disk/page.pdf"),
         (["mesh", "disk/wall.dxf"], "disk/wall.msh"),
-        (["mesh", "given/wall.dxf", "--picture", "disk/wall.png"], "disk/wall.png"),
         (["sweep", "given/scene.toml", "--vary", "title=a,b", "-o", "disk/out"], "disk/out"),
+        *(
+            pytest.param(arguments, arguments[-1], marks=pytest.mark.slow)
+            for arguments in (
+                ["report", "given/scene", "-o", "disk/page.html"],
+                ["report", "given/scene", "--pdf", "disk/page.pdf"],
+                ["mesh", "given/wall.dxf", "--picture", "disk/wall.png"],
+            )
+        ),
     ],
 )
 def test_read_only_disk_is_one_message(arguments, target, tmp_path, capsys):
     given = tmp_path / "given"
     given.mkdir()
-    scene = write_scene(given, {"output.paraview": False, "output.pictures": False})
+    scene = write_scene(given, QUIET)
     assert run_here(["solve", scene, "-q"], capsys).code == 0
     if arguments[0] == "mesh":
         document = pytest.importorskip("ezdxf").new("R2010", units=6)

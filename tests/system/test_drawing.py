@@ -15,6 +15,7 @@ import pytest
 from benchmarks import fuzz
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from tests.drawing import rectangle
+from tests.quick import slow
 from tests.system.program import changed, files, result, run, run_here, toml
 
 ezdxf = pytest.importorskip("ezdxf")
@@ -171,7 +172,7 @@ def test_gaps_between_blocks_are_warned_of(folder, capsys):
     assert "warning: 4 corners lie beside another block" in found.out and "0.0002 m" in found.out
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, *slow(2)])
 def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
     write_dxf(tmp_path / "block.dxf", [(SQUARE, "stone")])
     found = run(["mesh", "block.dxf", "--scene", "wall.toml", "-q"], tmp_path, ranks)

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.system.program import LEFT_OUT, Run, result, run, run_here, write_scene
+from tests.quick import slow
+from tests.system.program import LEFT_OUT, QUIET, Run, result, run, run_here, write_scene
 
 DOWN = {"loads.live.body": [0.0, -9.81]}
 ROUGH = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
@@ -49,8 +50,6 @@ UNSTABLE = {
 
 #: A stiffness of which floating point numbers hold no digit, whatever the method.
 HOPELESS = {"materials.default.poisson": 0.4999999999999999}
-
-QUIET = {"output.paraview": False, "output.pictures": False}
 
 
 def solved_here(
@@ -115,9 +114,11 @@ def test_3_where_only_rigid_blocks_with_associative_friction_stand(folder, capsy
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("direction", ["positive", pytest.param("both", marks=pytest.mark.slow)])
-def test_4_for_a_load_factor_that_is_not_found(direction, folder, capsys):
-    found, record = solved_here(folder, capsys, HOPELESS | {"solve.direction": direction})
+@pytest.mark.parametrize("engine", ["faces", *slow("auto")])
+@pytest.mark.parametrize("direction", ["positive", "both"])
+def test_4_for_a_load_factor_that_is_not_found(direction, engine, folder, capsys):
+    changes = {"solve.direction": direction, "solve.engine": engine}
+    found, record = solved_here(folder, capsys, HOPELESS | changes)
     assert (found.code, record["status"]) == (4, "not_converged")
     lines = [line for line in found.out.splitlines() if "no collapse was found" in line]
     assert len(lines) == (2 if direction == "both" else 1) and "verified" not in found.out
@@ -142,7 +143,7 @@ def test_fast_leaves_out_the_capacity_curve(folder, capsys):
 @pytest.mark.parametrize(
     ("ranks", "changes", "mesh", "code", "status"),
     [
-        (1, {}, "wall", 0, "limit"),
+        (1, {}, "block", 0, "limit"),
         (2, *UNSTABLE["stack that hangs over"], 3, "unstable"),
         *(
             pytest.param(*more, marks=pytest.mark.slow)

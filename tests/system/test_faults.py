@@ -20,7 +20,17 @@ import pytest
 from matplotlib import image
 
 from fenics_contact.output.files import SKIPPED_FILES
-from tests.system.program import Run, command, environment, files, result, run, write_scene
+from tests.quick import slow
+from tests.system.program import (
+    QUIET,
+    Run,
+    command,
+    environment,
+    files,
+    result,
+    run,
+    write_scene,
+)
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
@@ -285,7 +295,7 @@ def test_folder_removed(moment, ranks, scene):
 @pytest.mark.parametrize(("lines", "ranks"), [(0, 1), (1, 2)])
 def test_output_that_nobody_reads(lines, ranks, tmp_path):
     """As `fenics-contact solve scene.toml | head -1`."""
-    write_scene(tmp_path)
+    write_scene(tmp_path, QUIET)
     read, write = os.pipe()
     with (
         os.fdopen(read) as printed,
@@ -307,7 +317,7 @@ def test_output_that_nobody_reads(lines, ranks, tmp_path):
     assert result(tmp_path / "scene")["status"] == "limit"
 
 
-@pytest.mark.parametrize("arguments", [["check", "scene.toml"], ["solve", "--help"]])
+@pytest.mark.parametrize("arguments", [["check", "scene.toml"], *slow(["solve", "--help"])])
 def test_answers_that_nobody_reads(arguments, tmp_path):
     write_scene(tmp_path)
     line = " ".join(command(arguments)) + " | true; exit ${PIPESTATUS[0]}"
@@ -318,7 +328,7 @@ def test_answers_that_nobody_reads(arguments, tmp_path):
 
 
 def test_output_to_a_full_disk(tmp_path):
-    write_scene(tmp_path)
+    write_scene(tmp_path, QUIET)
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             command(["solve", "scene.toml"]),

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.program import TIMEOUT, command, environment, run, stop, write_scene
+from tests.quick import slow
+from tests.system.program import QUIET, TIMEOUT, command, environment, run, stop, write_scene
 
 ITERATION = re.compile(
     r"^(positive|negative): pass +(\d+)  load factor (\S+)  change of the bound", re.M
@@ -61,9 +62,9 @@ def _read_all(terminal: int) -> str:
     raise TimeoutError(printed.decode())
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [2, *slow(1)])
 def test_piped_output_is_lines_printed_once(ranks, tmp_path):
-    write_scene(tmp_path, {"solve.direction": "both", "solve.method": "fixed-point"})
+    write_scene(tmp_path, QUIET | {"solve.direction": "both", "solve.method": "fixed-point"})
     found = run(["solve", "scene.toml", "-v"], tmp_path, ranks)
     assert found.code == 0
     assert not re.search(r"\r|%", found.out + found.err)
@@ -81,17 +82,17 @@ def test_piped_output_is_lines_printed_once(ranks, tmp_path):
         assert len(lines) == (2 if once == "verified" else 1)  # a verdict for each direction
 
 
-@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ranks", [1, *slow(2)])
 def test_piped_capacity_curve_is_a_line_per_point(ranks, tmp_path):
-    write_scene(tmp_path, {"output.capacity": 3})
+    write_scene(tmp_path, QUIET | {"output.capacity": 3})
     found = run(["solve", "scene.toml", "-v"], tmp_path, ranks)
     points = re.findall(r"^capacity: (\d) of 3  ", found.out, re.M)
     assert points == ["1", "2", "3"]
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, *slow(2)])
 def test_piped_output_is_the_answer_alone(ranks, tmp_path):
-    write_scene(tmp_path, {"solve.direction": "both", "output.capacity": 3})
+    write_scene(tmp_path, QUIET | {"solve.direction": "both", "output.capacity": 3})
     found = run(["solve", "scene.toml"], tmp_path, ranks)
     assert found.out == (
         "it collapses at 0.3000 g to the right, 0.3000 g to the left (verified)\n"
@@ -101,7 +102,7 @@ def test_piped_output_is_the_answer_alone(ranks, tmp_path):
 
 
 def test_one_line_on_a_terminal(tmp_path):
-    write_scene(tmp_path, mesh="wall")
+    write_scene(tmp_path, QUIET, "wall")
     code, printed = run_on_terminal(["solve", "scene.toml"], tmp_path)
     percentages = [int(number) for number in PERCENTAGE.findall(printed)]
     assert code == 0 and percentages[-1] == 100
@@ -112,12 +113,12 @@ def test_one_line_on_a_terminal(tmp_path):
 
 
 def test_no_line_where_mpirun_gathers_the_output(tmp_path):
-    write_scene(tmp_path)
+    write_scene(tmp_path, QUIET)
     code, printed = run_on_terminal(["solve", "scene.toml"], tmp_path, ranks=2)
     assert code == 0 and "%" not in printed and "\x1b" not in printed
     assert printed.startswith("it collapses at 0.3000 g")
 
 
 def test_quiet_on_a_terminal(tmp_path):
-    write_scene(tmp_path)
+    write_scene(tmp_path, QUIET)
     assert run_on_terminal(["solve", "scene.toml", "-q"], tmp_path) == (0, "")

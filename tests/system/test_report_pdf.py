@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from fenics_contact.output.report.page import pdf_of
+from tests.quick import slow
 from tests.system.program import run_here, write_scene
 
 OPTIONS = ["--pdf", "wall.pdf", "--project", "Town wall & gate", "--author", "A. Mason"]
@@ -34,7 +35,7 @@ def test_pdf_with_project_and_author(solved, capsys):
     assert document.metadata.title in page
 
 
-@pytest.mark.parametrize("tall", [False, True])
+@pytest.mark.parametrize("tall", [True, *slow(False)])
 def test_first_page_has_answer_picture_and_assumptions(tall, solved, capsys):
     """Also with the most assumptions that it lists, of several lines each."""
     weasyprint = pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
@@ -75,6 +76,14 @@ class EarlyWriter:
             return f"{self.fetch('data:x')}".encode()
 
 
+class QuickWriter(EarlyWriter):
+    """WeasyPrint that writes nothing."""
+
+    class HTML(EarlyWriter.HTML):
+        def write_pdf(self):
+            return b"%PDF-"
+
+
 class LateWriter(EarlyWriter):
     """WeasyPrint with that class, and without the function."""
 
@@ -95,7 +104,7 @@ def test_the_pdf_reads_no_other_file_in_any_version_of_weasyprint(writer):
     assert pdf_of(writer, "<p></p>") == b"read data:x"
 
 
-def test_4_where_the_pdf_cannot_be_written(solved, capsys):
-    pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
+def test_4_where_the_pdf_cannot_be_written(solved, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", QuickWriter)
     found = run_here(["report", "scene", "--pdf", "no/wall.pdf"], capsys)
     assert found.code == 4 and "cannot write 'no/wall.pdf'" in found.err and "--pdf" in found.err

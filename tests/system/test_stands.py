@@ -6,9 +6,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from fenics_contact import Scene, equilibrium
-from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
+from tests.system.program import LEFT_OUT, QUIET, result, run, run_here, write_scene
 
-QUIET = {"output.paraview": False, "output.pictures": False}
 ALONE = {"loads.live": LEFT_OUT}
 STEEP = {"foundations.base.friction": 0.3, "joints": {}}
 
@@ -93,6 +92,6 @@ def test_no_arrow_of_a_live_load_that_does_not_act(folder, capsys):
 
 
 def test_ranks_give_the_same_answer(tmp_path):
-    write_scene(tmp_path, QUIET | ALONE, "wall")
+    write_scene(tmp_path, QUIET | ALONE, "tower")
     found = run(["stands", "scene.toml"], tmp_path, 2)
     assert (found.code, found.out.count("it stands under its dead load")) == (0, 1)

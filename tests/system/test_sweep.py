@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from fenics_contact import InputError, sweep
+from tests.quick import slow
 from tests.system.program import (
+    QUIET,
     command,
     environment,
     files,
@@ -113,8 +115,8 @@ def test_exit_code_is_that_of_the_worst_point(tmp_path, capsys):
 
 
 def test_half_a_line_is_dropped_and_found_again(tmp_path, capsys):
-    write_scene(tmp_path)
-    line = ["sweep", tmp_path / "scene.toml", "-o", tmp_path, "--vary", f"{BOTH}=0.1:0.4:4"]
+    write_scene(tmp_path, QUIET)
+    line = ["sweep", tmp_path / "scene.toml", "-o", tmp_path, "--vary", f"{BOTH}=0.1:0.3:3"]
     assert run_here(line, capsys).code == 0
     table, path = rows(tmp_path), tmp_path / "sweep.csv"
     text = path.read_text()
@@ -149,18 +151,20 @@ def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: 
 @pytest.mark.parametrize(
     ("number", "jobs"),
     [
-        (signal.SIGINT, "1"),
+        (signal.SIGINT, "2"),
+        pytest.param(signal.SIGINT, "1", marks=pytest.mark.slow),
         pytest.param(signal.SIGTERM, "1", marks=pytest.mark.slow),
-        (signal.SIGTERM, "2"),
+        pytest.param(signal.SIGTERM, "2", marks=pytest.mark.slow),
     ],
 )
-def test_ctrl_c_and_sigterm_keep_what_is_done(number, jobs, tmp_path):
-    write_scene(tmp_path, mesh="wall")
+def test_ctrl_c_and_sigterm_keep_what_is_done(number, jobs, tmp_path, capsys):
+    write_scene(tmp_path, QUIET, "wall")
     line = ["sweep", "scene.toml", "-o", "out", "--vary", f"{BOTH}=0.2:0.6:12"]
     printed = stopped([*line, "--jobs", jobs], tmp_path, number, 2)
     assert "the same command goes on" in printed
     assert 2 <= len(rows(tmp_path / "out")) < 12
-    found = run(line, tmp_path)
+    line[1], line[3] = tmp_path / "scene.toml", tmp_path / "out"
+    found = run_here(line, capsys)
     assert found.code == 0 and "points are there already" in found.out
     assert len(rows(tmp_path / "out")) == 12
 
@@ -184,11 +188,11 @@ def test_sweep_killed_five_times_gives_the_same_table(jobs, tmp_path):
 
 def test_processes_and_ranks_give_the_same_table(tmp_path, capsys):
     """Processes or ranks: not both."""
-    write_scene(tmp_path)
+    write_scene(tmp_path, QUIET)
     line = ["sweep", tmp_path / "scene.toml", "--vary", f"{BOTH}=0.1,0.2", "-o"]
     assert run_here([*line, tmp_path / "one"], capsys).code == 0
     table = rows(tmp_path / "one")
-    found = run([*line, tmp_path / "jobs", "--jobs", "2"], tmp_path)
+    found = run_here([*line, tmp_path / "jobs", "--jobs", "2"], capsys)
     assert (found.code, found.err) == (0, "") and rows(tmp_path / "jobs") == table
     assert run([*line, "ranks"], tmp_path, 2).code == 0
     for row, one in zip(rows(tmp_path / "ranks"), table, strict=True):
@@ -306,7 +310,7 @@ def test_table_is_never_written_through_a_link(tmp_path, capsys):
     assert len(rows(folder)) == 2 and not (folder / "sweep.csv").is_symlink()
 
 
-@pytest.mark.parametrize("size", [0, 200, 2000])
+@pytest.mark.parametrize("size", [200, 2000, *slow(0)])
 def test_full_disk_has_its_place_in_the_message(size, tmp_path):
     """Before the first row, within the table, and within the picture."""
     write_scene(tmp_path)

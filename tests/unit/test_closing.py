@@ -217,6 +217,7 @@ def test_bricks_drawn_by_hand_are_closed_without_overlaps(seed):
     assert left.length[left.open].sum() < 0.02 * left.length.sum()
 
 
+@pytest.mark.slow
 def test_the_whole_facade_is_closed(tmp_path):
     wall = Facade()
     written(wall.stones(), tmp_path / "a.dxf")

@@ -133,14 +133,15 @@ NARROWED = [(0.0, 0.0), (1.0, 0.0), (0.9, 0.5), (0.1, 0.5)]
 @pytest.mark.parametrize(
     ("blocks", "friction", "live"),
     [
-        ([LOW], 0.5, (0.0, 9.81)),
-        ([LOW], 0.2, (9.81, 0.0)),
-        ([LOW], 0.9, (0.0, -9.81)),
-        ([LOW, HIGH], 0.6, (9.81, 0.0)),
-        ([WIDE], 0.3, (-9.81, 3.0)),
-        ([NARROWED], 0.5, (9.81, 0.0)),
+        pytest.param([LOW], 0.5, (0.0, 9.81), id="lifted"),
+        pytest.param([LOW], 0.2, (9.81, 0.0), id="pushed", marks=pytest.mark.slow),
+        pytest.param([LOW], 0.9, (0.0, -9.81), id="weighed down", marks=pytest.mark.slow),
+        pytest.param([LOW, HIGH], 0.6, (9.81, 0.0), id="two blocks"),
+        pytest.param([WIDE], 0.3, (-9.81, 3.0), id="pushed up", marks=pytest.mark.slow),
+        pytest.param(
+            [NARROWED], 0.5, (9.81, 0.0), id="under leaning walls", marks=pytest.mark.slow
+        ),
     ],
-    ids=["lifted", "pushed", "weighed down", "two blocks", "pushed up", "under leaning walls"],
 )
 def test_what_only_self_stress_could_hold_has_one_word(blocks, friction, live):
     """Blocks between two walls that nothing presses on them fall, unlike associative ones."""

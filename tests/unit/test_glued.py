@@ -16,6 +16,7 @@ from fenics_contact.meshing import polygons
 from tests.bank import GRAVITY
 from tests.drawing import rectangle
 from tests.helpers import STONE, coulomb, on_ground
+from tests.quick import each_once
 
 GLUED = JointLaw(glued=True)
 FRICTION = 0.7
@@ -33,8 +34,7 @@ def tower(levels: list[float], size: float = 0.2, law: JointLaw = GLUED, **optio
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("engine", ["path", "faces"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("engine", "degree"), each_once(["path", "faces"], [1, 2]))
 def test_glued_blocks_are_one(engine, degree):
     """Load factor, bracket, range and hinges of a tower of three blocks are those of one."""
     options = SolveOptions(engine=engine, direction="both", error=True)

@@ -35,7 +35,7 @@ def test_associative_program(name):
 
 
 def test_gilbert_is_below_associative_friction():
-    blocks = wall_blocks("10x10", 0.75)
+    blocks = wall_blocks("W4", 0.65)
     upper, answer = rigid_lp.solve(blocks), peer("gilbert").solve(blocks)
-    assert 0.5 < answer.load_factor < 0.97 * upper.load_factor
+    assert 0.3 < answer.load_factor < 0.97 * upper.load_factor
     assert peer("gilbert").solve(blocks, deadline=0.0).status == "time-out"

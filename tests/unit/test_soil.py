@@ -27,6 +27,7 @@ from fenics_contact.output.files import result_record
 from tests.bank import GRAVITY, sides
 from tests.drawing import rectangle
 from tests.helpers import STONE, coulomb, on_ground
+from tests.quick import each_once
 
 UNIT, SURCHARGE, ANGLE = 1.8e4, 2e3, 30.0  # N/m3, Pa, degrees: k_a = 1/3, k_p = 3
 LEAST, MOST = 1.0 / 3.0, 3.0
@@ -48,8 +49,7 @@ def pressure(depth: float = 0.8) -> tuple[float, float]:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("engine", ["path", "faces"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("engine", "degree"), each_once(["path", "faces"], [1, 2]))
 def test_block_slides_into_soil_and_away_from_it(engine, degree):
     """lambda W = F W + P_p into the soil; away from it the active pressure helps, F W - P_a."""
     weight = 2.0 * STONE.density * GRAVITY
@@ -222,8 +222,7 @@ def test_messages(change, text):
         Discretization(block(0.3, soil=replace(soil, **change)))
 
 
-@pytest.mark.parametrize("level", [1.5, 2.15, 2.7, 3.9])
-@pytest.mark.parametrize("cells", [1.0, 2.0])
+@pytest.mark.parametrize(("level", "cells"), each_once([1.5, 2.15, 2.7, 3.9], [1.0, 2.0]))
 def test_pile_turns_between_soils_whatever_its_cells(level, cells):
     """It turns about a place at the height c, 0 < c < level, and lifts about its toe.
 

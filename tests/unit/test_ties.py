@@ -25,6 +25,7 @@ from fenics_contact.meshing import polygons
 from fenics_contact.results.values import tie_arrays
 from tests.bank import GRAVITY
 from tests.helpers import STONE, coulomb, mesh_of, on_ground
+from tests.quick import each_once
 
 #: Weight of a square metre, N per metre of thickness.
 UNIT = STONE.density * GRAVITY
@@ -128,8 +129,9 @@ def test_pier_held_at_a_group_rocks():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("force", [1e3, 3e3, 2e4])
-@pytest.mark.parametrize("ends", [((0.7, 0.25), "right"), ("right", (0.7, 0.25))])
+@pytest.mark.parametrize(
+    ("force", "ends"), each_once([1e3, 3e3, 2e4], [((0.7, 0.25), "right"), ("right", (0.7, 0.25))])
+)
 def test_two_blocks_tied_over_a_crack(force, ends):
     """The tie takes the other block along, or yields before."""
     slides = FRICTION * 0.5 * UNIT

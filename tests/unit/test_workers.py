@@ -16,6 +16,7 @@ from fenics_contact import SolveOptions, limit_load
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.workers import InPlace, Processes, asked_to_stop, last_result_of, result_of
 from tests.bank import coulomb, wall_recipe
+from tests.quick import each_once, slow
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +64,7 @@ def dies_elsewhere(here, number):
     return os.getpid()
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(("number", "count"), each_once([signal.SIGKILL, signal.SIGSEGV], [1, 2]))
 def test_the_task_of_a_process_that_ends_is_done_here(number, count):
     with Processes(count) as executor:
         lost = executor.submit(dies_elsewhere, os.getpid(), number)
@@ -81,7 +81,7 @@ def running(pid):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="by the kernel of Linux")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, *slow(signal.SIGTERM)])
 def test_no_process_outlives_the_one_that_started_it(number):
     """Begun, and in a task that would go on for a minute."""
     code = (
@@ -113,9 +113,11 @@ def test_who_waits_may_be_stopped_and_the_task_tells_what_it_knows():
         assert result_of(executor.submit(asked_to_stop), go_on) == ""
 
 
-@pytest.mark.parametrize(("name", "direction"), [("W3", "both"), ("W4", "positive")])
+@pytest.mark.parametrize(
+    ("name", "direction"), [("W3", "both"), pytest.param("W4", "positive", marks=pytest.mark.slow)]
+)
 def test_limit_load_with_a_process_beside_has_the_digits_without(beside, name, direction):
-    scene = wall_recipe(name, coulomb(0.65)).scene(2, fast=False)
+    scene = wall_recipe(name, coulomb(0.65)).scene(1, fast=False)
     scene = replace(scene, solve=SolveOptions(direction=direction))
     alone = limit_load(scene).hold_against_brackets()
     shared = limit_load(scene, beside=beside).hold_against_brackets()

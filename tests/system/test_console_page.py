@@ -6,11 +6,10 @@ import re
 
 import pytest
 
-from fenics_contact import limit_load
 from fenics_contact.output.files import result_record
 from fenics_contact.output.report.answer import first_page
 from fenics_contact.output.report.content import Content
-from tests.eight import EIGHT
+from tests.eight import EIGHT, collapse
 
 ASIDE = "At which horizontal acceleration of all masses does it collapse?"
 UNCRACKED = "Blocks do not crack: that is not in the model."
@@ -96,6 +95,6 @@ def words(page: str) -> list[str]:
 
 @pytest.mark.parametrize("name", EIGHT)
 def test_question_answer_collapse_and_what_decides(name):
-    page = "".join(first_page(Content(result_record(limit_load(EIGHT[name]())))))
+    page = "".join(first_page(Content(result_record(collapse(name)))))
     assert words(page) == TOLD[name]
     assert UNCRACKED in page
