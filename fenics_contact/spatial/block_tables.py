@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -12,11 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_contact.errors import InputError, require
+from fenics_contact.geometry import builders
+from fenics_contact.geometry.dxf.blocks import read_dxf
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.meshing import Drawing
+from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed
 from fenics_contact.scene.toml_tables import from_table, refuse_unknown
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.surfaces import Surface, blocks_of
 
 #: Shapes of blocks: how many corners they have, 0 for any number, and the body of these.
 SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
@@ -25,7 +31,15 @@ SHAPES: dict[str, tuple[int, Callable[[Array], Polyhedron]]] = {
     "vertices": (0, Polyhedron.hull),
 }
 #: Which axes of a file become x, y and z, by the one that points upwards, with their signs.
-UPWARDS = {"x": ((2, 1, 0), (-1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
+UPWARDS = {"x": ((2, 1, 0), (-1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1))}
+#: Builders that draw outlines; and those of space that make prisms, with what makes them so.
+DRAWN = ("facade", "bridge", "retaining_wall")
+BUILT: dict[str, tuple[str, dict[str, Any]]] = {
+    "wall": ("wall", {"thickness": 1.0}),
+    "arch": ("barrel_vault", {"length": 1.0, "strips": 1}),
+}
+#: From builders of space to the plane, m.
+MIDDLE = np.array([0.0, -0.5, 0.0])
 
 Corners = tuple[tuple[float, float, float], ...]
 
@@ -85,6 +99,46 @@ class _Block(_Shape):
 
 
 @dataclass(frozen=True)
+class _Polygon(Checked):
+    """A table [blocks.NAME] in the plane: corners in m."""
+
+    polygon: tuple[tuple[float, float], ...]
+    group: str = "default"
+    fixed: bool = False
+
+    def block(self, name: str) -> Block:
+        """The block, a prism."""
+        return prism(self.polygon, name, self.group, self.fixed)
+
+
+def prism(outline: Any, name: str = "", group: str = "default", fixed: bool = False) -> Block:
+    """A block a metre deep with an outline, m, shape (corners, 2), either way round.
+
+    Raises:
+        InputError: If the outline crosses itself, or has no area.
+    """
+    corners = np.array(outline, dtype=float)
+    right = corners.ndim == 2 and corners.shape[1] == 2 and np.isfinite(corners).all()
+    require(bool(right), f"block '{name}': a polygon is a list of finite points [x, y]")
+    problem = outline_problem(corners)
+    require(not problem, f"block '{name}' {problem}")
+    front, back = (np.insert(corners, 1, y, axis=1) for y in (-0.5, 0.5))
+    sides = np.stack([front, np.roll(front, -1, axis=0), np.roll(back, -1, axis=0), back], axis=1)
+    surface = Surface(name, [front, back, *sides], group, fixed)
+    return blocks_of(surface, "blocks", Counter())[0]
+
+
+def prisms(outlines: Sequence[Array], groups: Sequence[str]) -> tuple[Block, ...]:
+    """Blocks of a drawing, called by their groups and numbers."""
+    count: Counter[str] = Counter()
+    blocks = []
+    for outline, group in zip(outlines, groups, strict=True):
+        count[group] += 1
+        blocks.append(prism(outline, f"{group}_{count[group]}", group))
+    return tuple(blocks)
+
+
+@dataclass(frozen=True)
 class _Changes(Checked):
     """Patterns of names: of blocks that are fixed, and of those of groups."""
 
@@ -108,46 +162,65 @@ class ReadBlocks(NamedTuple):
     sides: Mapping[str, Any] = {}
 
 
-def blocks_of_table(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
-    """Blocks of the table [blocks].
+def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> ReadBlocks:
+    """Blocks of the table [blocks]; those of the plane are prisms a metre deep.
 
     Raises:
         InputError: If they are wrong.
     """
-    if isinstance(up := table.get("up"), str):
-        require(up in UPWARDS, f"blocks.up = '{up}' must be one of {listed(UPWARDS)}")
-        order, signs = UPWARDS[up]
-        blocks, read, notes, _ = blocks_of_table(
-            {k: v for k, v in table.items() if k != "up"}, folder
-        )
-        turned = [
-            replace(
-                block,
-                pieces=tuple(
-                    Polyhedron(p.corners[:, order] * signs, p.sides) for p in block.pieces
-                ),
-            )
-            for block in blocks
-        ]
-        return ReadBlocks(tuple(turned), read, notes)
-    if isinstance(table.get("file"), str) or isinstance(table.get("builder"), str):
-        return _made(table, folder)
-    shapes = {name: from_table(_Block, item, f"blocks.{name}") for name, item in table.items()}
-    return ReadBlocks(tuple(shape.block(name) for name, shape in shapes.items()))
-
-
-def _made(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
-    """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
     given = dict(table)
+    axes = tuple("xyz"[:dimension])
+    up = given.pop("up") if isinstance(given.get("up"), str) else axes[-1]
+    require(up in axes, f"blocks.up = '{up}' must be one of {listed(axes)}")
+    if isinstance(given.get("file"), str) or isinstance(given.get("builder"), str):
+        read = _made(given, folder, dimension == 2)
+    else:
+        kind: Any = _Polygon if dimension == 2 else _Block
+        shapes = {name: from_table(kind, item, f"blocks.{name}") for name, item in given.items()}
+        read = ReadBlocks(tuple(shape.block(name) for name, shape in shapes.items()))
+    return read if up == axes[-1] else _upright(read, *UPWARDS[up])
+
+
+def _upright(read: ReadBlocks, order: Sequence[int], signs: Sequence[int]) -> ReadBlocks:
+    """Blocks and lines of sides with other axes."""
+
+    def turned(places: Array) -> Array:
+        return np.asarray(places[..., order] * signs)
+
+    sides = {
+        name: turned(np.insert(np.array(lines), 1, 0.0, axis=-1))[..., ::2].tolist()
+        for name, lines in read.sides.items()
+    }
+    return read._replace(blocks=tuple(_moved(b, turned) for b in read.blocks), sides=sides)
+
+
+def _moved(block: Block, change: Callable[[Array], Array]) -> Block:
+    """A block whose corners are elsewhere."""
+    pieces = (Polyhedron(change(piece.corners), piece.sides) for piece in block.pieces)
+    return replace(block, pieces=tuple(pieces))
+
+
+def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:
+    """Blocks of a file or builder; patterns of names say which are fixed, and their groups."""
     changes = from_table(
         _Changes, {k: given.pop(k) for k in ("fixed", "groups") if k in given}, "blocks"
     )
     if "file" in given:
         refuse_unknown("blocks", given, {"file", "unit", "fixed", "groups"})
-        readers = import_module("fenics_contact.spatial.readers")
-        blocks, read, notes = readers.read_blocks(folder / given["file"], given.get("unit"))
+        path = folder / given["file"]
+        unit = given.get("unit")
+        if in_plane:
+            drawn = read_dxf(path, unit)
+            read = _drawn(drawn.drawing)
+            told = f"{path.name}: {counted(len(read.blocks), 'block')}"
+            read = read._replace(told=told, notes=drawn.notes)
+        else:
+            readers = import_module("fenics_contact.spatial.readers")
+            read = ReadBlocks(*readers.read_blocks(path, unit))
     else:
-        blocks, read, notes = built(str(given.pop("builder")), given), "", ()
+        name = given.pop("builder")
+        read = _built_in_plane(name, given) if in_plane else ReadBlocks(built(name, given))
+    blocks = read.blocks
     names = [name for block in blocks for name in (block.name, block.group)]
     wished: list[tuple[str, Any]] = [(pattern, {"fixed": True}) for pattern in changes.fixed]
     wished += [(p, {"group": g}) for g, patterns in changes.groups.items() for p in patterns]
@@ -157,15 +230,37 @@ def _made(table: Mapping[str, Any], folder: Path) -> ReadBlocks:
         text = f"blocks: no block or group is called '{pattern}'; the first ones are {first}"
         require(bool(chosen), text)
         blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
-    return ReadBlocks(blocks, read, notes)
+    return read._replace(blocks=blocks)
+
+
+def _drawn(drawing: Drawing) -> ReadBlocks:
+    """Blocks of a drawing, and its groups as sides."""
+    lines = {name: np.array(some, dtype=float).tolist() for name, some in drawing.groups.items()}
+    return ReadBlocks(prisms(drawing.blocks, drawing.names), sides=lines)
+
+
+def _built_in_plane(name: str, given: Mapping[str, Any]) -> ReadBlocks:
+    """Blocks by a builder of drawings, or by one of space that makes prisms."""
+    known = [*DRAWN, *BUILT]
+    require(name in known, f"blocks.builder = '{name}' must be one of {listed(known)}")
+    if name in BUILT:
+        kind, fixed = BUILT[name]
+        again = sorted(fixed.keys() & given.keys())
+        text = f"blocks.{min(again, default='')}: structures in the plane are a metre deep"
+        require(not again, text)
+        blocks = built(kind, {**given, **fixed})
+        return ReadBlocks(
+            tuple(_moved(block, lambda corners: corners + MIDDLE) for block in blocks)
+        )
+    pairs = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+    return _drawn(called(name, getattr(builders, name), pairs))
 
 
 def built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:
     """Blocks by a function of `builders`."""
-    builders = import_module("fenics_contact.spatial.builders")
     known = {
         key: function
-        for key, function in vars(builders).items()
+        for key, function in vars(import_module("fenics_contact.spatial.builders")).items()
         if getattr(function, "__annotations__", {}).get("return") == "Blocks" and key[0] != "_"
     }
     text = f"blocks.builder = '{name}' must be one of {listed(sorted(known))}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -36,7 +36,6 @@ from fenics_contact.scene.scene import (
 )
 from fenics_contact.scene.toml_tables import as_mapping, from_table, read_toml
 from fenics_contact.scene.units import Units
-from fenics_contact.spatial import plane
 from fenics_contact.spatial.block_tables import ReadBlocks, blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
 from fenics_contact.spatial.ground import ground_below, lowest
@@ -383,8 +382,15 @@ def read_blocks(tables: Mapping[str, Any], folder: Path) -> ReadBlocks:
         InputError: If they are wrong.
     """
     require(bool(tables.get("blocks")), "blocks is missing; give file, builder, or [blocks.NAME]")
-    read = plane.blocks_of_table if tables.get("dimension", 2) == 2 else blocks_of_table
-    return read(as_mapping("blocks", tables["blocks"]), folder)
+    table = as_mapping("blocks", tables["blocks"])
+    return blocks_of_table(table, folder, tables.get("dimension", 2))
+
+
+def upright(contact: Contact) -> Contact:
+    """A contact with its first tangent in the plane, the second one along y."""
+    normal = contact.axes[0]
+    across = np.array([0.0, 1.0, 0.0])
+    return replace(contact, axes=np.array([normal, np.cross(across, normal), across]))
 
 
 @lru_cache(maxsize=1)
@@ -406,7 +412,7 @@ def _standing(
         blocks = (*blocks, Block(bodies, name, key, fixed=True))
     contacts, warnings = checked_contacts(blocks, tolerance)
     if dimension == 2:
-        contacts = tuple(plane.upright(contact) for contact in contacts)
+        contacts = tuple(upright(contact) for contact in contacts)
     return blocks, contacts, warnings
 
 

@@ -17,7 +17,7 @@ from fenics_contact.output.report.page import write_report
 from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.toml_tables import is_of_blocks
 from fenics_contact.spatial import prism
-from fenics_contact.spatial.plane import prisms
+from fenics_contact.spatial.block_tables import prisms
 from fenics_contact.sweeps.sweep import sweep
 from tests.bank import WALLS, coulomb, wall_recipe
 from tests.quick import quick
