@@ -21,31 +21,29 @@ class SearchOptions:
     step_fraction: float = 0.995
     #: First work of a limit load, in units of that on the bonded structure.
     first_work: float = 300.0
-    #: Factor from one work to the next, where one was too little.
-    work_growth: float = 10.0
     #: Works at most that are tried in vain.
     works: int = 3
     #: Steps, or iterations, without progress at which a method has lost its way; and to get close
     #: to a path.
     no_progress: int = 6
-    #: A decade: from one size of products, or of rho of joint forces, to the next; by which steps
-    #: and sweeps should contract; and how near to growth without limit load factors are unlimited.
+    #: A decade: from one work, size of products, or rho of joint forces, to the next; by which
+    #: steps and sweeps should contract; how near to growth without limit load factors are
+    #: unlimited; and cosine of tangents from which on a path goes straight on.
     decade: float = 0.1
-    #: Error of a state that is exact, relative: joint forces next to a collapse, equilibrium of
-    #: faces, and a stalled interior point method where less was asked for.
-    exact_state: float = 1e-9
+    #: Digits of what is exact, relative: joint forces next to a collapse, equilibrium of faces, a
+    #: stalled interior point method where less was asked for, HiGHS but for a decade. Parts of the
+    #: largest force or slip rate, or of a bound, that are as good as nothing.
+    digits: float = 1e-9
     #: Relative sizes that rounding makes: of missing forces, of a prescribed work, of proved ends.
     rounding: float = 1e-8
     #: What makes systems definite, relative: added to Newton's matrix of faces (times the gap), to
     #: the strengths for which a mode is found, and to the diagonal for joint forces.
     regularization: float = 1e-7
-    #: Load factors agree that are as close as this, relative.
+    #: Load factors agree that are as close as this, relative; and what a state may miss of
+    #: friction, the direction of slip, and its mode of penetration, power and straining.
     agrees: float = 1e-5
     #: Those are of different states that are as far apart as this.
     far_apart: float = 2e-2
-    #: Parts of the largest force or slip rate, or of a bound, that are as good as nothing: shear of
-    #: a state from elsewhere keeps this distance from its bound.
-    nothing: float = 1e-9
     #: Motions, and what is left of a strength, below this part of the largest one are none.
     slight: float = 1e-4
 
@@ -117,7 +115,7 @@ class SearchOptions:
     large_system: int = 200_000
 
     # ---- programs on face forces (faces/kernel, faces/programs)
-    #: Relative gap at which a program ends.
+    #: Relative gap at which a program ends; products that are as good as nothing.
     face_gap: float = 1e-7
     #: Length below which a step is short.
     face_short: float = 0.2
@@ -130,53 +128,38 @@ class SearchOptions:
     #: Motions above which blocks are many, and convex programs come first: 3 300 blocks in the
     #: plane, 1 700 in space. Coulomb's law in an elastic state takes steps of a tenth there.
     many_motions: int = 10_000
-    #: `regularization` of Newton's matrix at most: next to forces of 100 blocks' weight some
-    #: products are smaller than usual.
-    many_regularization: float = 1e-9
     #: `interior_steps`, `face_stale`, `no_progress` and `face_short`: these programs go on after
     #: runs of single steps of a twentieth.
     many_steps: int = 150
     many_stale: int = 40
     many_short_steps: int = 20
     many_short: float = 0.05
-    #: Gap at which a mode's program ends, in units of the gap that is asked for; and of a state's
-    #: one, in units of the gap that it proves: rounding leaves no `face_gap`.
-    many_gap: float = 3e-2
 
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
-    #: Relative gap of a state that counts as one at all.
+    #: Relative gap of a state that counts as one at all; how far, relative, the load factor may
+    #: move where no state is found nearer; and the thinnest slice of a bracket.
     rough_gap: float = 1e-2
-    #: Gap of elastic states beside which states are looked for in space; `rough_gap` in the plane.
-    #: Many points of a face share its pressure there: a twisted block carries 30 % more next to a
-    #: state of 1e-2. Two ends of a face have no such choice.
-    shared_gap: float = 1e-4
     #: Steps at most.
     face_rounds: int = 10
     #: Relative gap of each; part of the dissipation that the bound misses, from which on the
-    #: certificate is tried; and change of pressing forces below which steps end.
+    #: certificate is tried; change of pressing forces below which steps end; and how far the load
+    #: factor may move at most: a state farther away is another's. With many blocks, of the gap
+    #: asked for, or proved, the part at which a program ends.
     part_gap: float = 3e-2
     #: Part of the elastic state's gap by which the load factor may move.
     moves: float = 0.3
-    #: and how far, relative, where no state is found so near; one farther away is another's.
-    boxes: tuple[float, float] = (1e-2, 3e-2)
 
     # ---- loading path by face forces (faces/follow)
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
     #: Work in the same units from which on a path that is lost may be near a collapse.
     follow_near: float = 100.0
-    #: Factorisations of one way at most.
-    follow_effort: int = 600
-    #: The same from `large_wall` blocks on.
+    #: Factorisations of one way at most from `large_wall` blocks on; below, `collapse_cost`.
     follow_large_effort: int = 250
     #: Halvings beside the highest state of a path.
     summit_steps: int = 4
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
-    #: Products that are as good as nothing, in units of the typical force and displacement.
-    follow_products: float = 1e-7
-    #: Cosine of tangents from which on the path goes straight on: det A changes sign at branches.
-    follow_straight: float = 0.1
     #: Places that the path goes back where it is lost, to go on in short steps.
     follow_back: int = 5
     #: Longest step, in relative changes of p and q; what is left of one that leads to nothing.
@@ -202,8 +185,6 @@ class SearchOptions:
     gap: float = 1e-3
 
     # ---- linear programs of rigid blocks (collapse/rigid_blocks)
-    #: HiGHS' primal and dual tolerance, forces in the program's unit.
-    feasibility: float = 1e-10
     #: Iterations of HiGHS at most, for each row and column: it may go round in circles.
     program_iterations: int = 50
     #: Unknowns above which a program takes a second or more: it gets a process of its own, or the
@@ -217,8 +198,6 @@ class SearchOptions:
     least_gain: float = 0.05
     #: by this factor,
     slice_shrinks: float = 0.25
-    #: down to this part of the first bracket.
-    thinnest_slice: float = 0.01
     #: Faces for each of which the least normal force is found by one program.
     faces_at_once: int = 8
 
@@ -229,8 +208,6 @@ class SearchOptions:
     verified: float = 1e-6
     #: The load factor of one state changes by so many times its gap at most with more work.
     same_state: float = 100.0
-    #: The same of friction, the direction of slip, and the mode's penetration, power and straining.
-    verified_slip: float = 1e-5
     #: Products of open and sliding joints in an elastic mode, force times displacement.
     mode_products: float = 1e-12
     #: Cap on springs of closed joints in it, in units of K's mean diagonal.
@@ -279,7 +256,9 @@ class SearchOptions:
 
     # ---- rising load (collapse/load_control)
     #: Accuracy, relative, of load factors beside the one that is reported: of the peak, of lower
-    #: states, and with load control. A dip is stepped over to one five times that higher.
+    #: states, and with load control. A dip is stepped over to one five times that higher. In space
+    #: states are looked for beside elastic ones of this gap, `rough_gap` in the plane: many points
+    #: of a face share its pressure, and a twisted block carries 30 % more next to a state of 1e-2.
     side_accuracy: float = 1e-4
     #: Works at the end of the capacity curve and at the onset of the collapse.
     beyond_onset: float = 1.4

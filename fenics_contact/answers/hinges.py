@@ -282,7 +282,7 @@ def _followed(
     effort = case.discretization.effort
     allowed = effort.spent + largest
     few = SEARCH.few_halvings
-    many = SEARCH.few_halvings * SEARCH.work_growth
+    many = SEARCH.few_halvings / SEARCH.decade
     again = 0.0  # what the path to the collapse took on block modes
     for trial in end.attempts[-1:]:
         share = case.discretization.mode_tally.cost
@@ -327,7 +327,7 @@ def _with(
     whole = case.discretization
     more = max(1.0, halvings / SEARCH.few_halvings)
     work = more * max(end.work_ratio, 1.0) * case.bonded_work
-    work *= SEARCH.work_growth if attempt is _next_to else 1.0
+    work /= SEARCH.decade if attempt is _next_to else 1.0
     scales = case.scales_at(work, abs(end.load_factor))
     task = Task(case, work, scales, SEARCH.agrees)
     with soft_hinges(case, last.points, halvings) as soft:

@@ -80,7 +80,7 @@ class LowestAnswer(Asked):
             return None
         every = case.discretization.scene.solve.states == "lowest"
         names = list(STARTS) if every else list(STARTS)[:1]
-        effort = None if every else SEARCH.usual_effort
+        effort = SEARCH.collapse_cost if every else SEARCH.usual_effort
         model = case.blocks.model.planar.model
         return case.beside.submit(searched, model, names, effort, case.wait)
 
@@ -201,7 +201,7 @@ def _sought(case: LoadCase) -> bool:
 
 
 def searched(
-    model: FaceModel, names: list[str], effort: int | None, wait: Callable[[], None]
+    model: FaceModel, names: list[str], effort: float, wait: Callable[[], None]
 ) -> _FoundStates:
     """A task: states from some starts, with so many factorisations each."""
     states: dict[str, FaceState] = {}

@@ -195,9 +195,9 @@ def warm(*products: float) -> WarmStart:
     stop = replace(
         SEARCH,
         interior_window=SEARCH.first_window if first else SEARCH.summit_window,
-        exact_state=SEARCH.exact_state / SEARCH.decade**2,
+        digits=SEARCH.digits / SEARCH.decade**2,
     )
-    exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
+    exact = Tolerances(SEARCH.digits, SEARCH.usual_tolerance)
     return WarmStart(products, (), exact, stop)
 
 

@@ -118,7 +118,7 @@ def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
     Raises:
         SolverError: If A is singular.
     """
-    near = kkt.on_central_path(state, SEARCH.mode_products, SEARCH.nothing)
+    near = kkt.on_central_path(state, SEARCH.mode_products, SEARCH.digits)
     # No forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
     spring = SEARCH.mode_products
     options = replace(SEARCH, largest_spring=SEARCH.mode_spring, sliding_spring=spring)

@@ -215,7 +215,7 @@ def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor
     u, elastic, missing = np.zeros_like(right), np.zeros_like(right), right
     misses = [np.inf, problem.max(np.abs(right))]
     # Without the springs' forces, and without those that rounding makes where glued blocks turn.
-    while SEARCH.exact_state * misses[1] < misses[-1] < 0.5 * misses[-2]:
+    while SEARCH.digits * misses[1] < misses[-1] < 0.5 * misses[-2]:
         change = factor.solve(missing)
         u = u + change
         elastic = elastic + problem.elastic_part(change)

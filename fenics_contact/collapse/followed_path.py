@@ -83,7 +83,7 @@ def along_its_length(task: Task) -> Solution:
     def prolonged(at: FaceIterate) -> State:
         return modes.prolonged(modes.reduced.state(at.motion, at.load_factor, *at.force.T))
 
-    effort = SEARCH.follow_effort
+    effort = SEARCH.collapse_cost
     model = points_model(modes.reduced)
     path = followed(model, Equations(model), effort, whole.mode_tally.add, task.work, False)
     for place in path.places:
@@ -115,7 +115,7 @@ def _taken_up(model: FaceModel, start: FaceIterate, task: Task) -> FaceIterate:
     for products in TAKEN_UP:
         with np.errstate(all="ignore"):
             path = FacePath(
-                model, equations, Way(products, least=0.03), SEARCH.follow_effort, count
+                model, equations, Way(products, least=0.03), SEARCH.collapse_cost, count
             )
             try:
                 at = path.beside(start)
@@ -125,7 +125,7 @@ def _taken_up(model: FaceModel, start: FaceIterate, task: Task) -> FaceIterate:
                 failed = error
                 continue
             work = path.work(at)
-            end = path.iterate(path.settled(at, SEARCH.follow_products, work))
+            end = path.iterate(path.settled(at, SEARCH.face_gap, work))
             laws = model.strength, model.friction, model.dilatancy
             program = Program(model, equations, *laws, work, elastic=True)
             return _exact(program, end, path.iterate(at))
@@ -141,7 +141,7 @@ def _exact(program: Program, end: FaceIterate, before: FaceIterate) -> FaceItera
     best = end
     size = program.model.size(end.load_factor)
     for start in (end, before):
-        if best.missing < 10.0 * SEARCH.exact_state:
+        if best.missing < 10.0 * SEARCH.digits:
             break
         found = solve(program, start)
         near = abs(found.load_factor - end.load_factor) < SEARCH.gap * size

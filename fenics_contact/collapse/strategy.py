@@ -69,7 +69,7 @@ class WarmStart:
 FINISHING = replace(
     SEARCH,
     interior_window=SEARCH.summit_window,
-    exact_state=SEARCH.exact_state / SEARCH.decade**2,
+    digits=SEARCH.digits / SEARCH.decade**2,
 )
 
 Minimiser = Callable[[ProximalStep, Array], Array]
@@ -307,9 +307,9 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
 
         def solve(bound: Array, start: State, mu: float, change: float) -> Solution:
-            tolerance = SEARCH.exact_state
+            tolerance = SEARCH.digits
             if case.problem.coulomb:
-                tolerance = max(SEARCH.bound_precision * change, SEARCH.exact_state)
+                tolerance = max(SEARCH.bound_precision * change, SEARCH.digits)
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 

@@ -65,7 +65,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
                 unlimited = search.unlimited
                 if unlimited:
                     break
-                ratio *= options.work_growth
+                ratio /= options.decade
         if unlimited:
             return search.result("unbounded")
         end = search.result("limit" if search.verified else "not_converged")

@@ -200,7 +200,7 @@ class Discretization(Layout, Closing):
                     "loads.live: the live load is zero on every free body; give it a body force on"
                     " blocks with density, or a traction"
                 )
-            if free and np.any(given) and np.all(left <= SEARCH.nothing * given):
+            if free and np.any(given) and np.all(left <= SEARCH.digits * given):
                 raise InputError(f"loads.{kind}: what is given cancels on every free body")
 
     def shares_matrices(self, scene: Scene) -> bool:

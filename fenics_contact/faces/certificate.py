@@ -84,7 +84,7 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap), *SEARCH.boxes
+        moves = max(SEARCH.moves * elastic.gap, SEARCH.gap), SEARCH.rough_gap, SEARCH.part_gap
         middle = elastic.load_factor
         boxes = [(middle - part * size, middle + part * size) for part in moves]
         start = replace(
@@ -137,7 +137,7 @@ class Certifier:
             tolerances = FaceTolerances(10.0 * SEARCH.face_gap)
             near = solve(program, start, tolerances, start.mu / SEARCH.decade, passed)
         if near is None or not near.within(1e-5):
-            rough = FaceTolerances(SEARCH.many_gap * self.asked) if model.has_many_blocks else None
+            rough = FaceTolerances(SEARCH.part_gap * self.asked) if model.has_many_blocks else None
             near = solve(program, tolerances=rough, enough=passed)
         if near.solved or near.within(1e-5):
             return replace(near, motion=near.motion / abs(float(model.live @ near.motion)))
@@ -175,11 +175,11 @@ class Certifier:
             """Of many blocks: as good as asked for, or so near that it gets no better."""
             nonlocal balanced, least
             gap = left(iterate) / model.size(iterate.load_factor)
-            if iterate.missing < 10.0 * SEARCH.exact_state and gap < least:
+            if iterate.missing < 10.0 * SEARCH.digits and gap < least:
                 balanced, least = iterate, gap
-            if not model.has_many_blocks or iterate.missing > 5.0 * SEARCH.exact_state:
+            if not model.has_many_blocks or iterate.missing > 5.0 * SEARCH.digits:
                 return False
-            return gap < 0.5 * self.asked or iterate.gap < SEARCH.many_gap * max(gap, self.asked)
+            return gap < 0.5 * self.asked or iterate.gap < SEARCH.part_gap * max(gap, self.asked)
 
         if near is not None:
             goal = 10.0 * SEARCH.face_gap * model.size(near.load_factor)
@@ -194,14 +194,14 @@ class Certifier:
                 found = None
         if found is None:
             found = solve(program, None, to_least_gap(), enough=enough)
-            if balanced is not None and found.missing >= 10.0 * SEARCH.exact_state:
+            if balanced is not None and found.missing >= 10.0 * SEARCH.digits:
                 found = balanced
         return self.state(found, mode)
 
     def state(self, found: FaceIterate, mode: Array) -> FaceState | None:
         """An iterate as a certified state; None without equilibrium, or with a mode that closes."""
         model = self.model
-        if not (found.missing < 10.0 * SEARCH.exact_state and np.isfinite(found.load_factor)):
+        if not (found.missing < 10.0 * SEARCH.digits and np.isfinite(found.load_factor)):
             return None
         power = model.power(mode)
         relative = np.abs(model.relative(mode)).max(initial=1e-300)

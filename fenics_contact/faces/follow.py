@@ -253,7 +253,7 @@ class FacePath:
         model: FaceModel,
         equations: Equations,
         way: Way,
-        effort: int,
+        effort: float,
         check_stop: Callable[[], None],
     ) -> None:
         """Take a model, how to follow, factorisations at most; `check_stop` may raise `Stopped`.
@@ -292,7 +292,7 @@ class FacePath:
         """Work of the last place that was passed, in units of `unit`."""
         return self.work(self.places[-1]) / self.unit if self.places else 0.0
 
-    def allow(self, effort: int) -> None:
+    def allow(self, effort: float) -> None:
         """So many factorisations from now on."""
         self._most = self.equations.factorizations + effort
 
@@ -404,7 +404,7 @@ class FacePath:
             if before is not None:
                 size = np.sqrt(np.sum(before**2 * weights) * np.sum(tangent.units**2 * weights))
                 cosine = float(np.sum(before * tangent.units * weights) / size)
-                if ahead * cosine < -SEARCH.follow_straight:  # det A changes sign at a branch point
+                if ahead * cosine < -SEARCH.decade:  # det A changes sign at a branch point
                     turned, ahead = -turned, -ahead
             rate = ahead / max(self._length(tangent.units, at.units), TINY)
             while True:
@@ -508,9 +508,7 @@ class FacePath:
         Raises:
             SolverError: If Newton's method does not find it.
         """
-        return self.iterate(
-            self.settled(self._corrected(at, None, 25), SEARCH.follow_products, None)
-        )
+        return self.iterate(self.settled(self._corrected(at, None, 25), SEARCH.face_gap, None))
 
     def without_products(self, at: Place, work: float | None = None) -> FaceIterate:
         """The state at a work, that of the place, products as small as they become.
@@ -527,11 +525,11 @@ class FacePath:
             at = self._corrected(at, work, 25)
         laws = self.law.strength, self._model.friction, self._model.dilatancy
         program = Program(self._model, self.equations, *laws, work, elastic=True)
-        found = solve(program, self.iterate(at), FaceTolerances(SEARCH.follow_products))
-        if found.gap <= SEARCH.follow_products:
+        found = solve(program, self.iterate(at), FaceTolerances(SEARCH.face_gap))
+        if found.gap <= SEARCH.face_gap:
             return found
         products = self._products
-        end = self.iterate(self.settled(at, SEARCH.follow_products, work))
+        end = self.iterate(self.settled(at, SEARCH.face_gap, work))
         self._set_products(products)
         return end
 
@@ -660,7 +658,7 @@ def state_at(
 def followed(
     model: FaceModel,
     equations: Equations,
-    effort: int,
+    effort: float,
     check_stop: Callable[[], None] = lambda: None,
     work: float | None = None,
     settled: bool = True,

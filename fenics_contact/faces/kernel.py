@@ -54,7 +54,7 @@ class FaceTolerances:
     """What ends the method: relative gap, equilibrium, and motions."""
 
     gap: float = field(default_factory=lambda: SEARCH.face_gap)
-    equilibrium: float = field(default_factory=lambda: SEARCH.exact_state)
+    equilibrium: float = field(default_factory=lambda: SEARCH.digits)
     motion: float = field(default_factory=lambda: SEARCH.verified)
 
 
@@ -200,7 +200,7 @@ def _patient(options: SearchOptions) -> SearchOptions:
     """Options for many blocks: products are smaller, forces range wider, single steps are short."""
     return replace(
         options,
-        regularization=min(options.regularization, options.many_regularization),
+        regularization=min(options.regularization, options.digits),
         interior_steps=options.many_steps,
         face_stale=options.many_stale,
         no_progress=options.many_short_steps,

@@ -69,7 +69,7 @@ class FaceSearch:
         self,
         model: FaceModel,
         asked: float,
-        effort: int | None = None,
+        effort: float = SEARCH.collapse_cost,
         check_stop: Callable[[], None] = lambda: None,
         near: float = SEARCH.rough_gap,
     ) -> None:
@@ -85,7 +85,7 @@ class FaceSearch:
         self.attempts: list[FaceAttempt] = []
         self._name = ""
         self._asked = asked
-        self._effort = SEARCH.collapse_cost if effort is None else effort
+        self._effort = effort
         self._check_stop = check_stop
         self._near = near
         self._certifier = Certifier(model, self.equations, asked=asked)
@@ -126,7 +126,7 @@ class FaceSearch:
         spent = self.equations.factorizations
         try:
             path = self.path = followed(
-                self.model, self.equations, SEARCH.follow_effort, self._check_stop
+                self.model, self.equations, SEARCH.collapse_cost, self._check_stop
             )
         except SolverError as error:
             _log.debug("  loading path: %s", error)
@@ -136,7 +136,7 @@ class FaceSearch:
             end = path.iterate.load_factor
             found = self._certifier.exact(path.iterate)
             found = found or self._certifier.near(path.iterate, path.work)[0]
-            near = 1.01 * SEARCH.boxes[0] * self.model.size(end)
+            near = 1.01 * SEARCH.rough_gap * self.model.size(end)
             sure = found and found.gap > -SEARCH.agrees and abs(found.load_factor - end) <= near
             if path.is_whole or sure:
                 self._take(LOADING_PATH, end, found)
@@ -149,8 +149,7 @@ class FaceSearch:
         """A search of its own on the same units with so much friction at most."""
         friction, dilatancy = np.minimum([self.model.friction, self.model.dilatancy], most)
         less = replace(self.model, friction=friction, dilatancy=dilatancy)
-        effort = int(self._effort)
-        return FaceSearch(less, self._asked, effort, self._check_stop, self._near)
+        return FaceSearch(less, self._asked, self._effort, self._check_stop, self._near)
 
     @property
     def way(self) -> str:
@@ -220,7 +219,7 @@ class FaceSearch:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         model = self.model
         for again in range(SEARCH.works):
-            work *= SEARCH.work_growth if again else 1.0
+            work /= SEARCH.decade if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, self._near)
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > SEARCH.far_apart * model.size(state.load_factor)
@@ -276,7 +275,7 @@ class FaceSearch:
         self._check_stop()
         found, limit = self._certifier.near(state, work)
         size = self.model.size(state.load_factor)
-        if found and abs(found.load_factor - state.load_factor) > 1.01 * SEARCH.boxes[-1] * size:
+        if found and abs(found.load_factor - state.load_factor) > 1.01 * SEARCH.part_gap * size:
             name += ", another state"
         self._take(name, state.load_factor, found)
         return limit

@@ -55,9 +55,9 @@ def associative_end(model: FaceModel) -> float | None:
     Args:
         model: The faces; slip is taken to be associative, with the dilatancy F.
     """
-    firm = replace(SEARCH, regularization=SEARCH.feasibility)
+    firm = replace(SEARCH, regularization=SEARCH.decade * SEARCH.digits)
     many = model.has_many_blocks
-    close = 5.0 * SEARCH.many_gap * SEARCH.gap if many else SEARCH.rounding
+    close = 5.0 * SEARCH.part_gap * SEARCH.gap if many else SEARCH.rounding
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -66,7 +66,7 @@ def associative_end(model: FaceModel) -> float | None:
 
     def near(iterate: FaceIterate) -> bool:
         nonlocal end, stands
-        stands = stands or iterate.missing <= 10.0 * SEARCH.exact_state
+        stands = stands or iterate.missing <= 10.0 * SEARCH.digits
         work = float(model.live @ iterate.motion)
         if not work > 0.0:
             return False
@@ -86,7 +86,7 @@ def associative_end(model: FaceModel) -> float | None:
         if found is not None and (end is None or found < end):
             end = found
         reached = carried + iterate.load_factor
-        if end is None or (iterate.missing > 10.0 * SEARCH.exact_state and not many):
+        if end is None or (iterate.missing > 10.0 * SEARCH.digits and not many):
             return False
         return abs(end - reached) <= close * model.size(reached)
 
@@ -141,7 +141,7 @@ def _joined(model: FaceModel, mode: Array) -> FaceModel | None:
     bases = []
     for k, end in enumerate(np.cumsum(count)):  # a row of zeros where nothing is closed
         held = np.pad(rows[first == k][:, end - count[k] : end].toarray(), ((1, 0), (0, 0)))
-        bases.append(null_space(held, SEARCH.nothing) if count[k] else np.zeros((0, 0)))
+        bases.append(null_space(held, SEARCH.digits) if count[k] else np.zeros((0, 0)))
     motions = block_diag(bases, "csr")[np.argsort(order)]
     block = np.repeat(np.arange(len(bases)), [basis.shape[1] for basis in bases])
     loads = {name: motions.T @ getattr(model, name) for name in ("dead", "live")}
@@ -223,7 +223,7 @@ def _carried(model: FaceModel, load_factor: float) -> tuple[bool, Array | None]:
     power = whole.power(motion)
     # What forces as large as the loads, or within rounding of equilibrium, may do in it.
     doubt = power.closing.sum() * np.abs(loads).sum()
-    doubt += SEARCH.exact_state * model.force * np.abs(motion).sum()
+    doubt += SEARCH.digits * model.force * np.abs(motion).sum()
     return False, motion if power.bound(model.strength) + doubt < 1.0 else None
 
 
@@ -299,7 +299,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> FaceIterate |
     near: list[FaceIterate] = []
 
     def kept(iterate: FaceIterate) -> bool:
-        if iterate.within(SEARCH.rough_gap, SEARCH.exact_state, 10.0 * SEARCH.verified):
+        if iterate.within(SEARCH.rough_gap, SEARCH.digits, 10.0 * SEARCH.verified):
             near.append(iterate)
         return False
 

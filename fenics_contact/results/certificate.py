@@ -38,8 +38,8 @@ def tolerances() -> dict[str, float]:
     state = "equilibrium", "tension", "penetration", "complementarity"
     return {
         **dict.fromkeys((*state, "mode_work", "bracket", "crushing"), SEARCH.verified),
-        **dict.fromkeys(("friction", "slip_direction", "mode_penetration"), SEARCH.verified_slip),
-        **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.verified_slip),
+        **dict.fromkeys(("friction", "slip_direction", "mode_penetration"), SEARCH.agrees),
+        **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.agrees),
         "work": SEARCH.rounding,
         "limit": SEARCH.verified,
     }

@@ -113,7 +113,7 @@ class Continuation:
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
         kkt = replace(self.kkt, work=start.work)
-        return PathPoint(kkt.on_central_path(start, mu, SEARCH.nothing), mu, start.work)
+        return PathPoint(kkt.on_central_path(start, mu, SEARCH.digits), mu, start.work)
 
     def follow(self, point: PathPoint, end: float) -> PathPoint:
         """The point where the path ends that `points` follows."""

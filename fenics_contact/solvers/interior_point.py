@@ -72,15 +72,15 @@ def solve_interior_point(
         mu: Products of the first iterate, in units of force times displacement; below 1 for a
             state next to the solution.
         tolerances: How exact the state has to be.
-        options: When to stop: `interior_steps`, `interior_window`, `exact_state`.
+        options: When to stop: `interior_steps`, `interior_window`, `digits`.
 
     Raises:
-        SolverError: If neither the tolerance nor `exact_state` is reached.
+        SolverError: If neither the tolerance nor `digits` is reached.
     """
     asked = tolerances.residual
     anything = tolerances.load_factor == np.inf
     typical = SEARCH.small_factor * kkt.scales.load_factor
-    now = best = kkt.on_central_path(start, mu, SEARCH.nothing if mu >= 1.0 else 0.0)
+    now = best = kkt.on_central_path(start, mu, SEARCH.digits if mu >= 1.0 else 0.0)
     reached = np.inf  # error of the best iterate
     best_sizes: dict[str, float] = {}
     best_is_last = False
@@ -132,7 +132,7 @@ def solve_interior_point(
         except SolverError as failure:
             _log.debug("    %s", failure)
             break
-    if not reached <= max(asked, options.exact_state):
+    if not reached <= max(asked, options.digits):
         raise SolverError(
             f"interior point: residual {reached:.1e} after {step} steps, asked {asked:.1e}"
         )

@@ -368,7 +368,7 @@ class JointForceSolver(Closing):
         self._owner = Owner()
         self._operators: dict[float, DelassusOperator] = {}
         # Of a smaller rho K_rho keeps too few digits.
-        self._least = SEARCH.nothing * problem.max(problem.stiffness.diagonal())
+        self._least = SEARCH.digits * problem.max(problem.stiffness.diagonal())
 
     def solve(
         self, bound: Array, work: float, start: State, scales: Scales, tolerance: float
@@ -409,7 +409,7 @@ class JointForceSolver(Closing):
         self.history.residuals += errors
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
-        if not best[0] <= max(tolerance, SEARCH.exact_state / SEARCH.decade**2):
+        if not best[0] <= max(tolerance, SEARCH.digits / SEARCH.decade**2):
             raise SolverError(f"{reached}, asked {tolerance:.1e}")
         return best[1], best[2]
 

@@ -200,7 +200,7 @@ def collapse_of(
     if rest.status in ("unstable", "no_equilibrium"):
         return replace(rest, sign=sign)
     model = structure.face_model(sign)
-    search = FaceSearch(model, asked, None, check_stop, SEARCH.shared_gap)
+    search = FaceSearch(model, asked, check_stop=check_stop, near=SEARCH.side_accuracy)
     crushes = crush_apart(structure, model)
     wedged = cache(lambda: wedged_blocks(structure, model))
 
@@ -283,7 +283,7 @@ def _with_one_shot(
     found: SpatialCollapse, model: FaceModel, asked: float, check_stop: Callable[[], None]
 ) -> SpatialCollapse:
     """A limit by the loading path, with the state that one solve leads to beside it."""
-    search = FaceSearch(model, asked, None, check_stop, SEARCH.shared_gap)
+    search = FaceSearch(model, asked, check_stop=check_stop, near=SEARCH.side_accuracy)
     state = search.run()
     spent = found.factorizations + search.equations.factorizations
     attempts = (*found.attempts, *search.attempts)
@@ -304,7 +304,7 @@ def _alike(structure: Structure, sign: float) -> bool:
     dead, live = structure.generalised(structure.dead), sign * structure.generalised(structure.live)
     multiple = float(dead @ live) / float(live @ live)
     apart = np.linalg.norm(dead - multiple * live)
-    return multiple >= 0.0 and bool(apart <= SEARCH.nothing * np.linalg.norm(dead))
+    return multiple >= 0.0 and bool(apart <= SEARCH.digits * np.linalg.norm(dead))
 
 
 def as_collapse(
@@ -357,9 +357,9 @@ def _with_lowest(
     corners = replace(structure, quick=True).face_model(found.sign)
     starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
     if corners.shape != model.shape:
-        starts.append(FaceSearch(corners, options.asked_gap, None, check_stop))
+        starts.append(FaceSearch(corners, options.asked_gap, check_stop=check_stop))
     for start in starts:
-        search = FaceSearch(model, SEARCH.side_accuracy, None, check_stop)
+        search = FaceSearch(model, SEARCH.side_accuracy, check_stop=check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations
         if state is not None and (best is None or state.load_factor < best.load_factor):

@@ -261,7 +261,7 @@ def total(key: str, blocks: Sequence[Block], acting: Mapping[str, Acting]) -> Ar
     size = np.cbrt([block.volume for block in blocks])
     left = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / size
     pushed = np.array([not block.fixed for block in blocks]) & (given > 0.0)
-    if np.any(pushed) and np.all(left[pushed] <= SEARCH.nothing * given[pushed]):
+    if np.any(pushed) and np.all(left[pushed] <= SEARCH.digits * given[pushed]):
         parts = "; ".join(f"{name} on {one.on}" for name, one in acting.items() if one.on)
         raise InputError(f"{key}: what is given cancels on every block: {parts or 'its profile'}")
     return loads

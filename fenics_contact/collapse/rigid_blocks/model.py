@@ -84,7 +84,11 @@ class LinearProgram:
         """Arguments of scipy's `linprog`."""
         names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
         steps = SEARCH.program_iterations * sum(self.columns.shape)
-        options = dict.fromkeys(names, SEARCH.feasibility) | {"maxiter": steps} | (options or {})
+        options = (
+            dict.fromkeys(names, SEARCH.decade * SEARCH.digits)
+            | {"maxiter": steps}
+            | (options or {})
+        )
         equations = self.columns, self.right
         return self.cost, None, None, *equations, self.ends, method, None, options
 
@@ -433,7 +437,7 @@ class _SliceSearch:
                 break
         if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
             return
-        width = thinnest = SEARCH.thinnest_slice * (self.upper - self.lower)
+        width = thinnest = SEARCH.rough_gap * (self.upper - self.lower)
         while not self._closed:
             end = min(self.lower + width, self.upper)
             factor = min(self._raised(end, least)[0], end)
@@ -468,7 +472,7 @@ class _SliceSearch:
             # Faces that slip and whose n is not known yet, those with the most power first.
             power = self.model.planar.model.free_friction * limit.slip * self._doubt(part)
             order = np.argsort(-power, kind="stable")
-            faces = order[power[order] > SEARCH.nothing * power.max(initial=0.0)]
+            faces = order[power[order] > SEARCH.digits * power.max(initial=0.0)]
             if not len(faces):
                 return limit.factor, part.least
             # At first the slice may turn out to be no gain.
@@ -484,7 +488,7 @@ class _SliceSearch:
         """Differences of what n may be, N/m, up to the unit of forces; 0 where it is known."""
         unit = self.model.unit
         doubt = np.minimum(part.most - part.least, unit)
-        return np.where(doubt > SEARCH.nothing * unit, doubt, 0.0)
+        return np.where(doubt > SEARCH.digits * unit, doubt, 0.0)
 
     def _minimise(self, part: _Slice, faces: Indices) -> None:
         """Find n of faces of a slice, all together while that halves the doubt."""
