@@ -7,6 +7,7 @@ factor or cost changes without it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -48,8 +49,8 @@ class SearchOptions:
     slight: float = 1e-4
 
     # ---- Newton's equations of a state (solvers/kkt)
-    #: Cap on springs of joints, in units of K's mean diagonal: larger ones would cancel digits.
-    largest_spring: float = 1e10
+    #: Cap on springs of joints, in units of K's mean diagonal: none but in an elastic mode.
+    largest_spring: float = math.inf
     #: Spring against steps, not slip, where there is no friction, in units of force over
     #: displacement: without it blocks have no stiffness. Blocks that are strained by given forces
     #: are held by it, in units of K's mean diagonal.
@@ -243,9 +244,7 @@ class SearchOptions:
     # ---- fixed point on the friction bound (collapse/coulomb)
     #: Iterations at most; and collapses while joints tear.
     bound_iterations: int = 150
-    #: Least relaxation, where the iteration cycles,
-    least_relaxation: float = 0.05
-    #: and the largest one.
+    #: Largest relaxation.
     largest_relaxation: float = 2.0
     #: Factor of what secants promise: slow directions hide among others.
     secant_safety: float = 3.0
@@ -268,9 +267,7 @@ class SearchOptions:
     higher: float = 2e-3
     #: Cost until something is seen, in units of that of the collapse,
     peak_seen: float = 1.5
-    #: in all,
-    peak_found: float = 10.0
-    #: and where the peak was asked for.
+    #: then in all, and where the peak was asked for.
     peak_asked: float = 50.0
     #: Blocks from which on it is looked for only if asked.
     peak_blocks: int = 380
@@ -279,14 +276,6 @@ class SearchOptions:
     dip: float = 5e-2
     #: `path_change` on block modes: peaks are narrow,
     peak_change: float = 0.8
-    #: and on the structure,
-    peak_change_on_structure: float = 0.15
-    #: `path_patience` there, which is a short way.
-    peak_patience: int = 15
-    #: `interior_window` next to a state, which is found soon or not at all;
-    summit_window: int = 5
-    #: and to the first one near a peak, which is farther away.
-    first_window: int = 8
 
     # ---- what a load factor owes to the mesh (answers/hinges, accuracy)
     #: Cost of hinges of other lengths, in units of that of the collapse, unasked,

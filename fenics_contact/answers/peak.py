@@ -41,6 +41,7 @@ from fenics_contact.collapse.load_case import LoadCase, LoadingPath, Task
 from fenics_contact.collapse.record import PathSample, Sample
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import (
+    FINISHING,
     WarmStart,
     coulomb_equilibrium,
     from_next_to,
@@ -79,10 +80,8 @@ ON_THE_WAY = "block modes, rising work"
 LARGER = SEARCH.rising_products * SEARCH.decade
 #: Steps of the work on block modes: peaks are narrow;
 ON_MODES = replace(SEARCH, path_change=SEARCH.peak_change)
-#: to the path of the structure,
-NEAR = replace(SEARCH, path_patience=SEARCH.peak_patience)
-#: and on it, which is followed for a short way only.
-ON_STRUCTURE = replace(NEAR, path_change=SEARCH.peak_change_on_structure)
+#: and on the structure, whose path is followed for a short way only.
+ON_STRUCTURE = replace(SEARCH, path_change=SEARCH.decade)
 
 
 def _unforced(question: Question) -> bool:
@@ -187,18 +186,9 @@ class PeakAnswer(Asked):
 
 
 def warm(*products: float) -> WarmStart:
-    """How states are found, soon or not at all, from products that fit the way to them.
-
-    The first of several products are those of another state: more steps lead from there.
-    """
-    first = len(products) > 1
-    stop = replace(
-        SEARCH,
-        interior_window=SEARCH.first_window if first else SEARCH.summit_window,
-        digits=SEARCH.digits / SEARCH.decade**2,
-    )
+    """How states are found, soon or not at all, from products that fit the way to them."""
     exact = Tolerances(SEARCH.digits, SEARCH.usual_tolerance)
-    return WarmStart(products, (), exact, stop)
+    return WarmStart(products, (), exact, FINISHING)
 
 
 def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = False) -> Peak:
@@ -226,11 +216,10 @@ def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = Fa
         search.upper = upper
     effort = case.discretization.effort
     seen = SEARCH.peak_asked if at_any_cost else SEARCH.peak_seen
-    found = SEARCH.peak_asked if at_any_cost else SEARCH.peak_found
     if case.block_count >= SEARCH.peak_blocks and not at_any_cost:
         seen = 0.0
     seen_at = effort.spent + seen * cost
-    found_at = effort.spent + found * cost
+    found_at = effort.spent + SEARCH.peak_asked * cost
     none = Peak("not_known", reason=FELL) if fell else Peak("none")
     tries = [
         (True, SEARCH.end_products * SEARCH.decade),
@@ -380,7 +369,7 @@ class _PeakSearch:
             far = task.mu(LARGER * SEARCH.decade)
             close = SEARCH.decade * far
             try:
-                start = path.with_products(path.next_to(near.state, far), close, NEAR)
+                start = path.with_products(path.next_to(near.state, far), close)
                 highest = self._highest(path, start)
                 top = self._task(highest.work)
                 first = warm(SEARCH.end_products * SEARCH.decade**2, SEARCH.end_products)

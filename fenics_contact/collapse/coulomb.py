@@ -206,12 +206,12 @@ class _Relaxation:
         elif not aligned:
             self._since += 1
         if self._since >= SEARCH.no_progress:
-            self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.least_relaxation)
+            self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.decade)
             self._since = 0
             self.cycles += 1
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
             self._omega = 2.0 * before
-        self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, self._cap))
+        self._omega = float(np.clip(self._omega, SEARCH.decade, self._cap))
         self._omega = self._given or self._omega
         self._last = difference
         return self._omega

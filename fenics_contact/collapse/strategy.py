@@ -68,7 +68,7 @@ class WarmStart:
 #: When the interior point method stops next to a state: it succeeds soon or not at all.
 FINISHING = replace(
     SEARCH,
-    interior_window=SEARCH.summit_window,
+    interior_window=SEARCH.no_progress,
     digits=SEARCH.digits / SEARCH.decade**2,
 )
 
