@@ -69,7 +69,7 @@ packages debootstrap browser mathjax:
 .venv/bin/ruff: | .venv/installed
 	$(PYTHON) -m pip install --quiet $(RUFF)
 
-.venv/bin/mkdocs: | .venv/installed
+.venv/bin/mkdocs: | .venv/bin/ruff  # pip installs one after the other
 	$(PYTHON) -m pip install --quiet $(MKDOCS)
 
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
@@ -81,7 +81,7 @@ gallery: setup  ## run all demos; small copies of their pictures for docs/galler
 	for demo in demos/[0-9]*.py; do $(PYTHON) $$demo || exit 1; done
 	$(PYTHON) docs/gallery_pictures.py
 
-docs: setup mathjax .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in build/site; fails at links that lead nowhere
+docs: setup mathjax .venv/bin/mkdocs  ## the site of documentation, in build/site; fails at links that lead nowhere
 	rm -rf build/pages && mkdir -p build/pages
 	ln -s $(addprefix $(CURDIR)/,$(PAGES)) build/pages/
 	.venv/bin/mkdocs build --strict

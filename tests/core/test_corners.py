@@ -13,6 +13,7 @@ from fenics_contact import (
     Load,
     Material,
     Scene,
+    SolveOptions,
     equilibrium,
     limit_load,
 )
@@ -49,6 +50,7 @@ def scene(
         joints=laws,
         supports={"fix": "fixed"},
         degree=degree,
+        solve=SolveOptions(fast=True),
     )
 
 

@@ -15,6 +15,7 @@ from fenics_contact import (
     Material,
     OutputOptions,
     Scene,
+    SolveOptions,
     SolverError,
     equilibrium,
     limit_load,
@@ -45,6 +46,7 @@ def scene(
         "live": Load((10.0, 0.0)),
         "joints": {"default": law},
         "foundations": {ground: law},
+        "solve": SolveOptions(fast=True),
     }
     return Scene(mesh, **{**given, **parts})
 

@@ -108,6 +108,7 @@ def test_both_directions_and_record():
     assert "that of hinges that are points; with those of" in summary(result, verbose=True)
 
 
+@pytest.mark.slow
 def test_another_state_on_finer_meshes_is_the_one_reported():
     result = limit_load(wall_recipe("W3", coulomb(0.65)).scene(2, accuracy=1e-3))
     assert result.load_factor == pytest.approx(0.36195, rel=1e-3)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fenics_contact import limit_load
 from tests.property.scenes import Draw
 
 
+@pytest.mark.slow
 def test_a_stalled_state_whose_load_factor_still_changes_is_not_taken():
     """Its residuals are small and its certificate passes, but its load factor belongs to no state.
 

@@ -40,6 +40,7 @@ def tables(blocks=ROW, friction=0.65, **more):
         "materials": {"default": {"density": 2000.0}},
         "joints": {"default": {"friction": friction}},
         "loads": {"dead": {"body": [0.0, 0.0, -9.81]}, "live": LIVE},
+        "solve": {"lowest": False},
         **more,
     }
 

@@ -60,6 +60,7 @@ def test_planar_walls_with_a_thickness(wall, lowest, highest):
     assert lowest - error <= factor <= highest + error
 
 
+@pytest.mark.slow
 def test_thickness_of_a_hemisphere():
     """0.042 of the radius (J. Heyman, Int. J. Solids Struct. 3 (1967) 227), without sliding.
 

@@ -171,6 +171,7 @@ def test_residuals_are_those_of_the_problem(path):
     assert residuals_of(structure, replace(found, force=force))["pressure"] > 1e-3
 
 
+@pytest.mark.slow
 def test_lower_states(path):
     """A low wall in its plane has collapse states at several load factors."""
     blocks = builders.wall(length=1.0, height=0.8, thickness=0.2, brick=(0.4, 0.2))

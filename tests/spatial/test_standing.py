@@ -14,6 +14,7 @@ from fenics_contact import InputError
 from fenics_contact.cli.command_line import main
 from fenics_contact.spatial import Scene, limit_load, standing
 from fenics_contact.spatial.standing import state_of
+from tests.quick import each_once
 
 DOWN, UP, X, Y = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 WEIGHT = 2000.0 * 9.81  # of 1 m3, N
@@ -108,8 +109,9 @@ HELD = {
 }
 
 
-@pytest.mark.parametrize("live", [DOWN, UP, X, Y])
-@pytest.mark.parametrize("blocks", [between(0.0), between(10.0), HELD])
+@pytest.mark.parametrize(
+    ("live", "blocks"), each_once([DOWN, UP, X, Y], [between(0.0), between(10.0), HELD])
+)
 def test_what_self_stress_alone_holds_does_not_rest(blocks, live):
     """A stone between upright walls, a wedge in a roof, a beam between columns."""
     given = scene(blocks, 0.62, live)

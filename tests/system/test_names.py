@@ -19,6 +19,7 @@ from fenics_contact.sweeps.points import Parameter, Point, grid
 from fenics_contact.sweeps.sweep import draw_sweep
 from tests.drawing import rectangle
 from tests.helpers import notebook_picture
+from tests.quick import some
 from tests.system.program import files, result, run_here, write_scene
 
 #: Names that matplotlib would take for formulas, or leave out of a legend.
@@ -57,7 +58,7 @@ def seen(axes: Any) -> list[str]:
     return [text.replace(r"\$", "$").strip() for text in written]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", some(NAMES, 2))
 def test_names_are_drawn_as_they_are(name):
     found = limit_load(named(name))
     axes = draw_scene(Figure().subplots(), view_of(found.layout))

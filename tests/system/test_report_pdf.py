@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 
 import pytest
@@ -23,16 +24,15 @@ def solved(folder, capsys):
 
 
 def test_pdf_with_project_and_author(solved, capsys):
-    weasyprint = pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
+    pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
     found = run_here(["report", "scene", *OPTIONS], capsys)
     assert (found.code, found.err) == (0, "")
     assert found.out == "written to scene/report.html\nwritten to wall.pdf\n"
-    assert (solved.parent / "wall.pdf").read_bytes().startswith(b"%PDF-")
+    written = (solved.parent / "wall.pdf").read_bytes()
+    assert written.startswith(b"%PDF-")
+    assert 4 <= len(re.findall(rb"/Type /Page\b", written)) <= 10 and b"/Title" in written
     page = (solved / "report.html").read_text()
     assert "Project: Town wall &amp; gate" in page and "Author: A. Mason" in page
-    document = weasyprint.HTML(string=page).render()
-    assert 4 <= len(document.pages) <= 10
-    assert document.metadata.title in page
 
 
 @pytest.mark.parametrize("tall", [True, *slow(False)])

@@ -31,7 +31,7 @@ from tests.quick import each_once
 
 UNIT, SURCHARGE, ANGLE = 1.8e4, 2e3, 30.0  # N/m3, Pa, degrees: k_a = 1/3, k_p = 3
 LEAST, MOST = 1.0 / 3.0, 3.0
-BOTH = SolveOptions(direction="both")
+BOTH = SolveOptions(direction="both", fast=True)
 
 
 def block(friction: float, width: float = 2.0, soil: Soil | None = None, **options: Any) -> Scene:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fenics_contact import InputError, JointLaw, Load, Scene, equilibrium, limit_load
+from fenics_contact import InputError, JointLaw, Load, Scene, SolveOptions, equilibrium, limit_load
 from fenics_contact.meshing import polygons
 from tests.bank import GRAVITY, PUSH, WEIGHT, wall_recipe
 from tests.helpers import STONE, mesh_of, on_ground
@@ -35,6 +35,7 @@ def cantilever(law: JointLaw, sign: float = 1.0, degree: int = 1) -> Scene:
         joints={"default": law},
         foundations={"wall": law},
         degree=degree,
+        solve=SolveOptions(fast=True),
     )
 
 
@@ -109,7 +110,7 @@ def test_block_that_tips_tears_its_bond_and_one_that_slides_does_not(dilatancy):
 def test_bonds_hold_walls_together():
     """Each pascal counts; without cohesion beyond the least the load factor is lower."""
     factors = []
-    for strength, cohesion in ((0.0, 0.0), (1e3, 650.0), (1e3, 1e3), (1e4, 1e4)):
+    for strength, cohesion in ((0.0, 0.0), (1e3, 650.0), (1e3, 1e3)):
         law = JointLaw(friction=0.65, cohesion=cohesion, tensile_strength=strength)
         result = limit_load(wall_recipe("W4", law).scene(1))
         assert result.status == "limit"

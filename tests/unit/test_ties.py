@@ -30,7 +30,7 @@ from tests.quick import each_once
 #: Weight of a square metre, N per metre of thickness.
 UNIT = STONE.density * GRAVITY
 FRICTION = 0.4
-BOTH = SolveOptions(direction="both")
+BOTH = SolveOptions(direction="both", fast=True)
 
 #: Tie arguments that change forces on the way, but not the collapse of a tie that stretches.
 ELASTIC: list[dict[str, float]] = [{}, {"stiffness": 1e6}, {"stiffness": 1e6, "prestress": 4e3}]

@@ -12,6 +12,7 @@ from fenics_contact import InputError, JointLaw, Load, OutputOptions, equilibriu
 from fenics_contact.meshing import polygons
 from tests.bank import GRAVITY, Variant, wall_recipe
 from tests.helpers import STONE, coulomb, on_ground
+from tests.quick import slow
 
 WEIGHT_OF_1 = STONE.density * GRAVITY
 
@@ -64,7 +65,7 @@ def test_a_block_that_slides_tears_nothing():
     assert result.positive.torn.length_m == 0.0
 
 
-@pytest.mark.parametrize("tension", [0.0, pytest.param(1e3, marks=pytest.mark.mpi)])
+@pytest.mark.parametrize("tension", [*slow(0.0), pytest.param(1e3, marks=pytest.mark.mpi)])
 def test_a_wall_carries_less_once_its_joints_are_torn(tension):
     """But not less than with friction alone; cohesion may be lost by itself."""
     factors = {}
