@@ -14,6 +14,11 @@ def slow(*values: Any) -> list[Any]:
     return [pytest.param(value, marks=pytest.mark.slow) for value in values]
 
 
+def slow_rows(*rows: tuple[Any, ...]) -> list[Any]:
+    """Rows of several parameters of the slow tests."""
+    return [pytest.param(*row, marks=pytest.mark.slow) for row in rows]
+
+
 def quick(names: Iterable[str], *chosen: str) -> Iterator[Any]:
     """Parameters of which the chosen ones are quick."""
     for name in names:

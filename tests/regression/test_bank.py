@@ -17,6 +17,20 @@ SECONDS = (
     "cells of 1000 to 1 4000",
     "10x10 coulomb 0.75 fine",
 )
+#: The quick ones of kinds that are alike.
+FEW = {
+    "feet of": ("feet of 0.0001 0.5", "feet of 0.01 2"),
+    "contrast": ("contrast 1e-06 stack 0.1", "contrast 1e+06 stack 0.7", "contrast 1e+06 W1"),
+    "arch ": (
+        *("arch 7 0.2", "arch 27 0.15", "arch 27 0.395 0.106723", "arch 44 0.3091 0.5"),
+        *(
+            f"arch {count} 1 least thickness {than}"
+            for count in (7, 27)
+            for than in ("less", "more")
+        ),
+    ),
+    "wedge": ("wedge 0.1", "wedge 0.57 near locking", "wedge 0.6 near locking"),
+}
 #: Of walls over friction and strength, which are alike, the quick ones.
 ALIKE = {
     "tresca": {"W1 tresca 0.5 kPa", "W2 tresca 2 kPa", "W3 tresca 8 kPa", "W4 tresca 2 kPa"},
@@ -30,8 +44,10 @@ ALIKE = {
 def is_slow(entry: Known) -> bool:
     """Whether a test of an entry is a slow one."""
     about = entry.tags - ({"wall"} if {"tresca", "bracket"} & entry.tags else set())
-    alike = [names for tag, names in ALIKE.items() if tag in about]
-    return "slow" in entry.tags or entry.name in SECONDS or any(entry.name not in n for n in alike)
+    quick = [names for tag, names in ALIKE.items() if tag in about]
+    quick += [set(names) for begin, names in FEW.items() if entry.name.startswith(begin)]
+    dear = "slow" in entry.tags or entry.name in SECONDS
+    return dear or any(entry.name not in names for names in quick)
 
 
 def cases(entries: list[Known]) -> pytest.MarkDecorator:

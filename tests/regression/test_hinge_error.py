@@ -155,6 +155,7 @@ def test_a_path_from_afar_that_is_begun_comes_to_its_end():
     assert result.hinges.points == pytest.approx(W3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_what_costs_too_much_is_not_known_and_says_what_to_do():
     scene = wall_recipe("5x16", coulomb(0.6)).scene(4, fast=False, lowest=False)
     plain = replace(scene, solve=replace(scene.solve, error=False))

@@ -20,7 +20,7 @@ import pytest
 from matplotlib import image
 
 from fenics_contact.output.files import SKIPPED_FILES
-from tests.quick import slow
+from tests.quick import slow, slow_rows
 from tests.system.program import (
     QUIET,
     Run,
@@ -292,7 +292,7 @@ def test_folder_removed(moment, ranks, scene):
         assert found.err.startswith("fenics-contact: ")
 
 
-@pytest.mark.parametrize(("lines", "ranks"), [(0, 1), (1, 2)])
+@pytest.mark.parametrize(("lines", "ranks"), [(0, 1), *slow_rows((1, 2))])
 def test_output_that_nobody_reads(lines, ranks, tmp_path):
     """As `fenics-contact solve scene.toml | head -1`."""
     write_scene(tmp_path, QUIET)

@@ -101,7 +101,7 @@ def broken(*_: Any, **__: Any) -> Any:
 @pytest.mark.parametrize(
     ("changes", "mesh", "part", "lost", "code"),
     [
-        ({}, "block", "draw_forces", ["forces"], 0),
+        pytest.param({}, "block", "draw_forces", ["forces"], 0, marks=pytest.mark.slow),
         ({"solve.direction": "both"}, "block", "draw_mode", ["collapse", "collapse_negative"], 0),
         ({}, "overhang", "draw_marked", ["collapse"], 3),
         ({"loads.live.body": [0.0, -9.81]}, "block", "draw_marked", ["collapse"], 0),

@@ -17,6 +17,7 @@ from fenics_contact.output.report.html import SCRIPT
 from fenics_contact.output.report.page import report_page
 from tests.bank import sides
 from tests.drawing import rectangle
+from tests.quick import quick, slow_rows
 from tests.system.program import LEFT_OUT, changed, result, run, run_here, toml, write_scene
 
 SMALL = {"output.paraview": False, "output.pictures": False, "output.report": True}
@@ -525,7 +526,7 @@ SWEEPS = {
 }
 
 
-@pytest.mark.parametrize("name", SWEEPS)
+@pytest.mark.parametrize("name", quick(SWEEPS, "load", "reversed"))
 def test_a_sweep_has_a_page_of_its_own(name, folder, capsys):
     vary, changes, pictures, worst, bound = SWEEPS[name]
     write_scene(folder, {"joints": {}} | changes)
@@ -565,7 +566,7 @@ def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):
     assert page_of(folder / "scene").numbers == []
 
 
-@pytest.mark.parametrize(("stones", "place"), [(1, "above"), (4, "beside")])
+@pytest.mark.parametrize(("stones", "place"), [(1, "above"), *slow_rows((4, "beside"))])
 def test_assumptions_are_beside_the_picture_of_a_tower(stones, place, folder, capsys):
     """In print both have one page: a picture above long assumptions is lower."""
     stack = [rectangle(0, level, 1, level + 1) for level in range(stones)]

@@ -91,6 +91,7 @@ def test_no_arrow_of_a_live_load_that_does_not_act(folder, capsys):
         assert ("live load" in texts) == (factor != 0.0)
 
 
+@pytest.mark.slow
 def test_ranks_give_the_same_answer(tmp_path):
     write_scene(tmp_path, QUIET | ALONE, "tower")
     found = run(["stands", "scene.toml"], tmp_path, 2)

@@ -310,7 +310,7 @@ def test_table_is_never_written_through_a_link(tmp_path, capsys):
     assert len(rows(folder)) == 2 and not (folder / "sweep.csv").is_symlink()
 
 
-@pytest.mark.parametrize("size", [200, 2000, *slow(0)])
+@pytest.mark.parametrize("size", [2000, *slow(0, 200)])
 def test_full_disk_has_its_place_in_the_message(size, tmp_path):
     """Before the first row, within the table, and within the picture."""
     write_scene(tmp_path)

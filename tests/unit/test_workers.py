@@ -16,7 +16,7 @@ from fenics_contact import SolveOptions, limit_load
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.workers import InPlace, Processes, asked_to_stop, last_result_of, result_of
 from tests.bank import coulomb, wall_recipe
-from tests.quick import each_once, slow
+from tests.quick import each_once, slow, slow_rows
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_who_waits_may_be_stopped_and_the_task_tells_what_it_knows():
 
 
 @pytest.mark.parametrize(
-    ("name", "direction"), [("W3", "both"), pytest.param("W4", "positive", marks=pytest.mark.slow)]
+    ("name", "direction"), [("W3", "positive"), *slow_rows(("W3", "both"), ("W4", "positive"))]
 )
 def test_limit_load_with_a_process_beside_has_the_digits_without(beside, name, direction):
     scene = wall_recipe(name, coulomb(0.65)).scene(1, fast=False)
