@@ -28,6 +28,7 @@ from tests.system.test_cannot_write import ON_A_FULL_DISK
 
 BOTH = "joints.default.friction,foundations.base.friction"
 NOT_REPEATED = "seconds"
+FAST = QUIET | {"solve.fast": True}
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -115,7 +116,7 @@ def test_exit_code_is_that_of_the_worst_point(tmp_path, capsys):
 
 
 def test_half_a_line_is_dropped_and_found_again(tmp_path, capsys):
-    write_scene(tmp_path, QUIET)
+    write_scene(tmp_path, FAST)
     line = ["sweep", tmp_path / "scene.toml", "-o", tmp_path, "--vary", f"{BOTH}=0.1:0.3:3"]
     assert run_here(line, capsys).code == 0
     table, path = rows(tmp_path), tmp_path / "sweep.csv"
@@ -158,7 +159,7 @@ def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: 
     ],
 )
 def test_ctrl_c_and_sigterm_keep_what_is_done(number, jobs, tmp_path, capsys):
-    write_scene(tmp_path, QUIET, "wall")
+    write_scene(tmp_path, FAST, "wall")
     line = ["sweep", "scene.toml", "-o", "out", "--vary", f"{BOTH}=0.2:0.6:12"]
     printed = stopped([*line, "--jobs", jobs], tmp_path, number, 2)
     assert "the same command goes on" in printed
@@ -188,7 +189,7 @@ def test_sweep_killed_five_times_gives_the_same_table(jobs, tmp_path):
 
 def test_processes_and_ranks_give_the_same_table(tmp_path, capsys):
     """Processes or ranks: not both."""
-    write_scene(tmp_path, QUIET)
+    write_scene(tmp_path, FAST)
     line = ["sweep", tmp_path / "scene.toml", "--vary", f"{BOTH}=0.1,0.2", "-o"]
     assert run_here([*line, tmp_path / "one"], capsys).code == 0
     table = rows(tmp_path / "one")
