@@ -25,7 +25,6 @@ from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.toml_tables import is_of_blocks, read_toml
-from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import InPlace, Signals, ranks, ranks_of
 
 #: The exit code of a run that a signal ended is this and its number.
@@ -119,7 +118,7 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     shown = ProgressLine if over and not more else Progress
     with Signals() as signals:
         with contextlib.ExitStack() as stack:
-            progress = shown(SEARCH.usual_tolerance if in_space else scene.solve.tolerance)
+            progress = shown(scene.solve.tolerance)
             monitor = progress if loud and (more or over) else None
             if monitor is not None:
                 stack.callback(progress.close)

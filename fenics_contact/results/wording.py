@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.scene.scene import GRAVITY
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 
-#: Acceleration that is written as 1 g, m/s2.
-GRAVITY = 9.81
 #: A component of an acceleration below this part of the other one is none.
 LEVEL = 1e-9
 #: That no live load acts, in words.

@@ -19,7 +19,6 @@ from fenics_contact import compat
 from fenics_contact.errors import (
     InputError,
     Vector,
-    check_types,
     checked,
     key_of,
     require,
@@ -87,7 +86,7 @@ APART = (
     *("mesh", "blocks", "plane", "degree", "dimension", "thickness", "read", "notes"),
     *("loads", "live", "dead"),
 )
-#: Acceleration of a load that is given by its direction, and of the mass of a floor, m/s2.
+#: 1 g, m/s2: of loads that are given by their direction, and of the mass of a floor.
 GRAVITY = 9.81
 #: Largest friction: programs for rigid blocks take coefficients up to 1e15.
 MOST_FRICTION = 1e12
@@ -126,7 +125,7 @@ class Material(Checked):
     young: float = ruled(
         rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size), 5e9
     )
-    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2)
+    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2, of="mesh")
     density: float = ruled(NOT_NEGATIVE, 0.0)
     compressive_strength: float | None = ruled(STRENGTH, None)
 
@@ -383,6 +382,11 @@ class Floor(Checked):
         """Height of the sides that it lies on, m; None where a group is given."""
         return self.y if isinstance(self.y, float) else self.z
 
+    @property
+    def axis(self) -> str:
+        """Name of the axis of its height."""
+        return "y" if self.z is None else "z"
+
 
 @dataclass(frozen=True)
 class Soil(Checked):
@@ -463,7 +467,7 @@ class Load(Checked):
         form: In Python only: a function (v, dx, ds) that returns a UFL form, linear in the test
             function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
-        direction: That of `body` in place of it: 9.81 m/s2 this way.
+        direction: In place of `body`, which is then 9.81 m/s2 this way.
     """
 
     body: Vector = ruled(require_vector, (0.0, 0.0))
@@ -476,7 +480,14 @@ class Load(Checked):
     movement: Mapping[str, Movement] = named()
     profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
     form: LoadForm | None = only("mesh")
-    direction: Vector | None = ruled(DIRECTION, None, of="blocks")
+    direction: Vector | None = ruled(DIRECTION, None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.direction is not None and not any(self.body):
+            share = GRAVITY / math.hypot(*self.direction)
+            object.__setattr__(self, "body", tuple(share * part for part in self.direction))
+            object.__setattr__(self, "direction", None)
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("form", self.form)
@@ -489,9 +500,6 @@ class Load(Checked):
     @property
     def acceleration(self) -> Vector:
         """The body force per mass, tilted, m/s2."""
-        if self.direction is not None:
-            size = math.hypot(*self.direction)
-            return tuple(GRAVITY * part / size for part in self.direction)
         if isinstance(self.tilt, bool) or not self.tilt:
             return self.body
         turned = complex(*self.body) * cmath.rect(1.0, math.radians(self.tilt))
@@ -673,7 +681,7 @@ class Shared(_Own):
 
     def check_parts(self) -> None:
         """Refuse what a scene of its kinds does not take."""
-        check_types(self)
+        Checked.__post_init__(self)  # type: ignore[arg-type]
         wide = self.thickness
         problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
         require(wide is None or 0.0 < wide < math.inf, problem)
@@ -683,8 +691,8 @@ class Shared(_Own):
         for key, value in self._parts().items():
             require_fit(key, value, types_of(type(self)).get(key), self.kinds)
         for name, load in (("dead", self.dead), ("live", self.live)):
-            both = load.direction is not None and any(load.body)
-            require(not both, f"loads.{name}.direction: give either body or direction")
+            text = f"loads.{name}.direction: give either body or direction"
+            require(load.direction is None, text)
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
         require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
 

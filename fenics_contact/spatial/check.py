@@ -46,11 +46,10 @@ def description(scene: BlockScene, structure: Structure) -> str:
         lines.append(f"{kind[:-1]} {name}: {text}")
     force = f"N {PER_METRE}" if scene.dimension == 2 else "N"
     lines += [f"tie {name}: {tie_text(tie, units, force)}" for name, tie in scene.ties.items()]
-    up = "y" if scene.dimension == 2 else "z"
     for name, floor in scene.floors.items():
         more = ", with its mass" if floor.mass else ""
-        weight = units.text(floor.force, "N/m2")
-        lines.append(f"floor {name}: {weight} at {up} = {units.length(floor.height or 0.0)}{more}")
+        at = f"{floor.axis} = {units.length(floor.height or 0.0)}"
+        lines.append(f"floor {name}: {units.text(floor.force, 'N/m2')} at {at}{more}")
     for name, movement in scene.dead.movement.items():
         lines.append(f"{name} {movement_text(movement, units)}")
     for key, one in structure.acting.items():

@@ -29,6 +29,7 @@ def ground_below(
     plane: tuple[Array, float],
     depth: float,
     tolerance: float | None,
+    axis: str = "z",
 ) -> tuple[Polyhedron, ...]:
     """Bodies of ground, each for one piece of the blocks, up to a plane n . x = level.
 
@@ -42,6 +43,7 @@ def ground_below(
         plane: Its unit normal, out of the ground, and level, m.
         depth: Of the bodies, m.
         tolerance: See `checked_contacts`.
+        axis: Name of the axis that points upwards.
 
     Raises:
         InputError: If nothing touches the plane; the message has the nearest block.
@@ -71,7 +73,7 @@ def ground_below(
             bodies[-1].under = piece
     beyond, distance, thickness, name = min(off)
     cure = f", or set tolerance = {1.01 * distance:.3g}" * (distance < NEARLY * thickness)
-    text = f"{key}: no block touches the ground; see its z or plane; block '{name}' is"
+    text = f"{key}: no block touches the ground; see its {axis} or plane; block '{name}' is"
     require(beyond <= 0.0, f"{text} {distance:.3g} m off it{cure}")
     return tuple(bodies)
 

@@ -206,7 +206,7 @@ def masses_of_floor(
     Its plan is `x` by `y`, by default the rectangle around the top sides at its height.
     """
     height = floor.height or 0.0
-    at = f"{'y' if floor.z is None else 'z'} = {height:g}"
+    at = f"{floor.axis} = {height:g}"
     tops = Sides(floor.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, height))
     found = list(tops.of(blocks, near))
     require(bool(found), f"{key}: no block has a top side at {at}; move it")
@@ -219,8 +219,8 @@ def masses_of_floor(
     plan = np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
     parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
     parts = [(number, part) for number, part in parts if len(part)]
-    within = "x" if floor.z is None else "x and y"
-    require(bool(parts), f"{key}: no top side at {at} lies within {within}")
+    more = " and y" * (floor.axis == "z")
+    require(bool(parts), f"{key}: no top side at {at} lies within x{more}")
     area = np.array([polygon_area(part) for _, part in parts])
     mass = floor.force * polygon_area(plan) / GRAVITY * area / area.sum()
     places = [[*polygon_centroid(part), height] for _, part in parts]

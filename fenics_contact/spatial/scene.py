@@ -146,7 +146,6 @@ class BlockScene(Shared):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        Checked.__post_init__(self)  # type: ignore[arg-type]
         self.check_parts()
         require(not all(block.fixed for block in self.blocks), "blocks: there is none that moves")
         require(bool(self.materials), "materials is missing; give [materials.default]")
@@ -155,8 +154,8 @@ class BlockScene(Shared):
             places = any(not isinstance(end, str) for end in law.between or ())
             crushes = law.tensile_strength > 0.0 and law.compressive_strength is not None
             refused += [
-                (f"{key}.gap", law.gap, "contacts in space are closed; leave it out"),
-                (f"{key}.opened", law.opened != "kept", "strengths are kept in space; leave it"),
+                (f"{key}.gap", law.gap, "contacts of rigid blocks are closed; leave it out"),
+                (f"{key}.opened", law.opened != "kept", "rigid blocks keep strengths; leave it"),
                 (f"{key}.glued", law.glued, "give blocks that move as one as pieces of one block"),
                 (f"{key}.between", places, "must be two groups or blocks"),
                 (f"{key}.tensile_strength", crushes, "joints that crush carry none; leave it out"),
@@ -406,9 +405,10 @@ def _standing(
     They are kept for the next scene: in a sweep the blocks are often the same.
     """
     moving = [block for block in blocks if not block.fixed]
+    axis = "xyz"[dimension - 1]
     for name, up, level in grounds:
         key = f"foundations.{name}"
-        bodies = ground_below(key, moving, (np.array(up), level), depth, tolerance)
+        bodies = ground_below(key, moving, (np.array(up), level), depth, tolerance, axis)
         blocks = (*blocks, Block(bodies, name, key, fixed=True))
     contacts, warnings = checked_contacts(blocks, tolerance)
     if dimension == 2:

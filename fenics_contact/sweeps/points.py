@@ -323,8 +323,7 @@ def solve(scene: Any, structure: KeptStructure) -> Any:
     """
     start = time.perf_counter()
     # A table of load factors has a column for hinges, and no room for more.
-    left_out = {"lowest", "peak", "range"} & vars(scene.solve).keys()
-    more = {name: bool(getattr(scene.solve, name)) for name in left_out}
+    more = {name: bool(getattr(scene.solve, name)) for name in ("lowest", "peak", "range")}
     scene = replace(scene, solve=replace(scene.solve, **more))
     if not isinstance(scene, Scene):
         from fenics_contact.spatial.limit import limit_load as limit_load_of_blocks

@@ -40,7 +40,6 @@ from fenics_contact.output.view import view_of
 from fenics_contact.results.bounds import counted, equal
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
-from fenics_contact.search_options import SEARCH
 from fenics_contact.sweeps.points import (
     WRONG_INPUT,
     Family,
@@ -187,7 +186,7 @@ def run_sweep(
     comm = family.comm
     # What is wrong in any scene is refused before the first is solved.
     scenes = [family.scene(values) for values in reversed(points)]
-    tolerance = max(getattr(one.solve, "tolerance", SEARCH.usual_tolerance) for one in scenes)
+    tolerance = max(one.solve.tolerance for one in scenes)
     if not family.of_blocks:
         with Discretization(scenes[-1]) as made:
             made.check_pushed()

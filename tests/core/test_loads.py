@@ -148,3 +148,9 @@ def test_a_load_that_cancels_on_every_block_is_refused(kind):
         limit_load(scene)
     more = replace(squeezed, body=(0.0, -9.81) if kind == "dead" else (1.0, 0.0))
     assert limit_load(replace(scene, **{kind: more})).status == "limit"
+
+
+def test_a_load_by_its_direction():
+    load = Load(direction=(-3.0, 4.0))
+    assert load.body == pytest.approx((-0.6 * 9.81, 0.8 * 9.81))
+    assert load == Load(body=load.body)

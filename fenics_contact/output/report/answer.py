@@ -30,7 +30,8 @@ from fenics_contact.output.report.html import (
     value_text,
 )
 from fenics_contact.results.bounds import counted
-from fenics_contact.results.wording import GRAVITY, Wording
+from fenics_contact.results.wording import Wording
+from fenics_contact.scene.scene import GRAVITY
 from fenics_contact.scene.units import PER_METRE, Units
 
 #: Height of a structure over its width from which the assumptions are beside its picture.
@@ -183,7 +184,7 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
     dead = scene["loads"]["dead"]
-    down = GRAVITY if dead.get("direction") else math.hypot(*dead["body"])
+    down = math.hypot(*dead["body"])
     kinds: dict[str, Callable[[Record], str]] = {
         "material": lambda one: material_text(one, down, units),
         "joint": lambda one: law_text(one, units),
