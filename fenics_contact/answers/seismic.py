@@ -21,7 +21,7 @@ import numpy as np
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.results.parts import rigid_parts
+from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.values import mechanism
 from fenics_contact.results.wording import Line, Wording
@@ -178,7 +178,7 @@ def seismic_check(
     acceleration = math.hypot(*layout.scene.live.acceleration)
     motion = layout.block_motions(mode)
     push = layout.bodies.live * [1.0, 1.0, layout.bodies.size]
-    part = rigid_parts(layout, motion, layout.bodies.centre, AS_ONE)[moving]
+    part = rigid_parts(layout, motion, layout.bodies.centre)[moving]
     work = np.bincount(part, np.sum(push * motion, axis=1)[moving])
     force = np.bincount(part, np.hypot(push[:, 0], push[:, 1])[moving])
     pushed = force > 0.0
@@ -190,3 +190,25 @@ def seismic_check(
         force[pushed] / acceleration,
         work[pushed] / force[pushed],
     )
+
+
+def rigid_parts(layout: Layout, motion: Array, centre: Array) -> Indices:
+    """Number of the rigid part of every block: blocks that touch and move as one share it.
+
+    Args:
+        layout: Of the blocks.
+        motion: Displacements and rotations of all blocks about their centres, shape (blocks, 3).
+        centre: Shape (blocks, 2), m.
+    """
+    joints = layout.joints.without_ties()
+    between = np.all(joints.bodies >= 0, axis=1)
+    sides = joints.bodies[between]
+    arm = joints.position[between][:, None] - centre[sides]
+    turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    velocity = motion[sides][..., :2] + motion[sides][..., 2:] * turned
+    fastest = np.linalg.norm(velocity, axis=-1).max(initial=0.0)
+    parted = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1)
+    pairs, pair = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    most = np.zeros(len(pairs))
+    np.maximum.at(most, pair.ravel(), parted)
+    return connected(pairs[most <= AS_ONE * fastest], len(centre))

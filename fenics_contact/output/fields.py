@@ -20,6 +20,7 @@ from fenics_contact.discretization.materials import cell_field
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.lazily import fem
 from fenics_contact.output.folder import writing
+from fenics_contact.results.block_view import AMPLITUDE
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.values import Contact, JointValues
 
@@ -27,8 +28,6 @@ from fenics_contact.results.values import Contact, JointValues
 SQUARES = 240
 #: Type of a straight line in VTK files.
 VTK_LINE = 3
-#: Largest displacement of a collapse mode in pictures and files, over the structure's size.
-AMPLITUDE = 0.08
 
 
 def displacement_function(layout: Layout, values: Array, name: str) -> fem.Function:

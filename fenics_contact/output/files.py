@@ -34,10 +34,9 @@ from fenics_contact.output.folder import drawing, filled_at_once, going_on, writ
 from fenics_contact.output.plotting import save_capacity
 from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
-from fenics_contact.output.view import View, caption_of, motion_record, view_of
+from fenics_contact.output.view import View, block_view, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.parts import moving_parts, parts_in_words
 from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
 from fenics_contact.results.values import (
     TieState,
@@ -46,6 +45,7 @@ from fenics_contact.results.values import (
     soil_forces,
     tie_arrays,
 )
+from fenics_contact.results.words import mechanism_record
 from fenics_contact.scene.scene import ALL, Scene, function_name
 from fenics_contact.scene.units import rounded_alike
 from fenics_contact.version import __version__
@@ -435,11 +435,9 @@ def _end_record(result: Result, end: Collapse) -> Record:
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
         found = mechanism(result.layout, end.mode, end.joints)
-        parts = moving_parts(result.layout, end.mode, end.joints, found.moving.tolist())
-        ties = tie_arrays(result.layout, end.joints)
-        moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
-        moves["parts"] = [vars(one) for one in parts]
-        moves["words"] = parts_in_words(parts, result.scene.mesh.body_count, ties)
+        view = block_view(result.layout, end.mode, end.joints, end.sign)
+        moves = mechanism_record(view)
+        moves |= {name: np.asarray(value).tolist() for name, value in vars(found).items()}
     units = result.scene.units.of_report
     answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]

@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.layout import Layout, straight_faces
 from fenics_contact.discretization.loads import (
     floor_strips,
     forces_of_soil,
@@ -28,7 +29,8 @@ from fenics_contact.output.fields import (
     middle,
     mode_scale,
 )
-from fenics_contact.results.values import JointValues, TieValues, tie_values
+from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
+from fenics_contact.results.values import JointValues, TieValues, tie_arrays, tie_values
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
@@ -211,10 +213,6 @@ def view_of(
         motion = scale * at_nodes(layout, mode, boundary.nodes[:, :2])
         sides = scale * at_sides(layout, mode)
     scene = layout.scene
-    # The material of a block is the first in the scene's order, if it has several.
-    material = np.full(scene.mesh.body_count, len(scene.materials), dtype=np.int64)
-    np.minimum.at(material, scene.mesh.body, material_numbers(layout)[scene.mesh.cell_groups])
-    scene.comm.Allreduce(MPI.IN_PLACE, material, MPI.MIN)
     live = _loads(layout, "live", sign)
     dead = _loads(layout, "dead", 1.0)
     held = [(name, "foundation") for name in scene.foundations]
@@ -230,7 +228,7 @@ def view_of(
         joint_motion=middle(joints, sides[:count]),
         centre=layout.centroid,
         block_size=float(np.sqrt(layout.bodies_area() / len(layout.centroid))),
-        material=material,
+        material=body_materials(layout),
         materials=tuple(scene.materials),
         live=live,
         dead=dead,
@@ -240,6 +238,15 @@ def view_of(
         scale=scale,
         thickness=scene.thickness,
     )
+
+
+def body_materials(layout: Layout) -> Indices:
+    """Number of the material of every body, the first in the scene's order. Collective."""
+    scene = layout.scene
+    material = np.full(scene.mesh.body_count, len(scene.materials), dtype=np.int64)
+    np.minimum.at(material, scene.mesh.body, material_numbers(layout)[scene.mesh.cell_groups])
+    scene.comm.Allreduce(MPI.IN_PLACE, material, MPI.MIN)
+    return material
 
 
 def _labels(layout: Layout, kind: str, acting: Loads) -> BlockLabels:
@@ -344,7 +351,119 @@ def _joined(parts: Iterable[Arrows]) -> Arrows:
     return Arrows(*(column[acts] for column in whole))
 
 
-# ---- as data, for the report's slider
+# ---- blocks as rigid bodies
+
+
+#: Motions (u_x, u_y, angle) in the plane as displacements and rotations in space.
+LIFTED = np.array([[1, 0, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, -1, 0]])
+
+
+class _Outline(NamedTuple):
+    """A block in the plane; loops around holes run the other way round."""
+
+    corners: Array
+    sides: list[Indices]
+    normals: Array
+
+
+def block_view(
+    layout: Layout, mode: Array, values: JointValues | None = None, sign: float = 1.0
+) -> BlockView:
+    """Blocks, their rigid motions in a mode, and what their straight faces do. Collective.
+
+    Arguments are as of `view_of`.
+    """
+    motion = layout.centroid_motions(mode)
+    count = len(motion)
+    materials = list(layout.scene.materials)
+    groups = [materials[number] for number in body_materials(layout)]
+    loops = outlines(layout.boundary, layout.boundary.points[:, :2])
+    ties = tie_arrays(layout, values)
+    bars: dict[str, Any] = {
+        "ends": np.empty((0, 2, 2)),
+        "blocks": np.empty((0, 2), dtype=np.int64),
+        **ties,
+    }
+    size = float(np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).max())
+    view = BlockView(
+        bodies=Bodies(
+            names=[""] * count,
+            groups=groups,
+            fixed=np.zeros(count, dtype=bool),
+            centroid=_lifted(layout.centroid),
+            volume=layout.boundary.areas(layout.bodies.centre),
+            pieces=[_outline(of_body, STRAIGHT * size) for of_body in loops],
+            of_piece=np.arange(count),
+            dimension=2,
+        ),
+        touching=_contacts(layout.joints.without_ties(), values),
+        live=sign * _lifted(layout.bodies.live[:, :2]),
+        motion=motion @ LIFTED,
+        tie_ends=_lifted(bars["ends"]),
+        tie_blocks=bars["blocks"],
+        ties=ties,
+    )
+    return view.scaled()
+
+
+def _lifted(places: npt.NDArray[Any]) -> Array:
+    """Places or directions (x, y) as (x, 0, y)."""
+    return np.insert(places, 1, 0.0, axis=-1)
+
+
+def _outline(loops: list[Array], flat: float) -> _Outline:
+    """A block from its loops, without corners that leave a straight line by less than `flat`, m."""
+    kept = [_corners(loop, flat) for loop in loops]
+    counts = [len(loop) for loop in kept]
+    sides = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+    return _Outline(_lifted(np.vstack(kept)), sides, np.tile([0.0, -1.0, 0.0], (len(kept), 1)))
+
+
+def _corners(loop: Array, flat: float) -> Array:
+    """Corners of a loop where it turns."""
+    before = loop - np.roll(loop, 1, axis=0)
+    after = np.roll(loop, -1, axis=0) - loop
+    cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+    turns = cross > flat * np.maximum(np.linalg.norm(before + after, axis=1), flat)
+    return loop[turns] if turns.sum() >= 3 else loop
+
+
+def _contacts(joints: Joints, values: JointValues | None) -> Contacts:
+    """Straight faces with the forces at their points."""
+    faces = straight_faces(joints)
+    order = np.argsort(faces.of_point, kind="stable")
+    of_point = faces.of_point[order]
+    count = len(faces.ends)
+    position = joints.position[order]
+    nothing = np.zeros(len(order))
+    pressing, shear = nothing, nothing
+    if values is not None:
+        pressing, shear = values.normal_force[order], np.abs(values.shear_force[order])
+
+    def sums(numbers: Array) -> Array:
+        return np.bincount(of_point, numbers, count).astype(float)
+
+    first, last = joints.position[faces.ends].swapaxes(0, 1)
+    arm = position - 0.5 * (first + last)[of_point]
+    moment = np.abs(sums(pressing * np.sum(arm * joints.tangent[order], axis=1)))
+    normal_force = sums(pressing)
+    strength = joints.crushes[faces.ends[:, 0]]
+    largest = 0.5 * (sums(joints.length[order]) - normal_force / strength)
+    loaded = normal_force > NOTHING * normal_force.max(initial=0.0)
+    crushes = np.isfinite(strength) & loaded & (moment > CRUSHES * normal_force * largest)
+    return Contacts(
+        pairs=np.asarray(joints.bodies[faces.ends[:, 0]], dtype=np.int64),
+        corners=[_lifted(ends) for ends in joints.position[faces.ends]],
+        normal=_lifted(joints.normal[faces.ends[:, 0]]),
+        position=_lifted(position),
+        area=joints.length[order],
+        of_point=of_point,
+        pressing=pressing,
+        shear=shear,
+        friction=joints.friction[faces.ends[:, 0]],
+        strength=sums(joints.shear_strength[order]),
+        crushes=crushes,
+    )
 
 
 def outlines(boundary: Boundary, ends: Array) -> list[list[Array]]:

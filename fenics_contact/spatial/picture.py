@@ -28,8 +28,9 @@ from fenics_contact.output.plotting import (
     legend,
     save_figure,
 )
+from fenics_contact.results.block_view import BlockView, ContactState
 from fenics_contact.spatial.result import SpatialLimit
-from fenics_contact.spatial.view import ContactState, SpatialView, views_of
+from fenics_contact.spatial.view import views_of
 
 #: Where the eye of every view is, by name.
 VIEWS = {
@@ -93,7 +94,7 @@ def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = (
                 draw_view(axes, view, turn)
                 axes.set_title(title, fontsize=9)
             told = [mark for state, mark in MARKS.items() if np.any(view.contacts.state == state)]
-            told += [(GREEN, "tie")] * bool(view.tie_ends)
+            told += [(GREEN, "tie")] * bool(len(view.tie_ends))
             told += [(BLACK, "live load")] * bool(view.push.any())
             legend(panels[-1], [Line2D([], [], color=c, lw=2.0, label=label) for c, label in told])
             title = "\n".join(filter(None, (view.title, view.caption)))
@@ -108,16 +109,16 @@ def axes_to(eye: Sequence[float]) -> Array:
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _window(view: SpatialView, turn: Array) -> Array:
+def _window(view: BlockView, turn: Array) -> Array:
     """What a picture has room for: blocks that move, at rest and displaced; low, high, (2, 2)."""
-    moves = view.structure.number[view.bodies.block] >= 0
+    moves = ~view.bodies.fixed[view.bodies.block]
     rest = view.bodies.corner[moves]
     places = np.vstack([rest, rest + view.displacement[moves]]) @ turn[:2].T
     margin = MARGIN * view.size
     return np.array([places.min(axis=0) - margin, places.max(axis=0) + margin])
 
 
-def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
+def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     """Blocks, displaced, and what their contacts do, seen along the last of three axes."""
     from matplotlib.collections import PolyCollection
 
@@ -127,10 +128,10 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     light = AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
     shades = light[:, None] * block_colours(view)[bodies.side_block]
     marks = _marks(view, turn)
-    thin = 0.5 if len(view.structure.blocks) < 200 else 0.3
+    thin = 0.5 if len(view.motion) < 200 else 0.3
     hides = _hidden(view, place, turn)
     depth = np.add.reduceat(place[:, 2], bodies.first) / bodies.counts
-    fixed = view.structure.number[bodies.of_piece] < 0
+    fixed = bodies.fixed[bodies.of_piece]
     veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: its edges alone are drawn
     drawn: list[tuple[Array, Any, Any, float]] = []  # polygons, colours of faces, of edges, widths
     for piece in drawing_order(hides, depth):
@@ -143,7 +144,7 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     axes.add_collection(PolyCollection(polygons, joinstyle="round", **style))
     (left, low), (right, high) = _window(view, turn)
     axes.set(xlim=(left, right), ylim=(low, high))
-    for ends in view.tie_ends:
+    for ends in view.moved_ties:
         axes.plot(*(ends @ turn[:2].T).T, color=GREEN, lw=1.6, ls="--", marker="s", ms=3.0)
     start, end = view.push @ turn[:2].T
     if np.linalg.norm(end - start) > 0.2 * np.linalg.norm(view.push[1] - view.push[0]):
@@ -152,12 +153,12 @@ def draw_view(axes: Any, view: SpatialView, turn: Array) -> None:
     axes.set_axis_off()
 
 
-def block_colours(view: SpatialView) -> Array:
+def block_colours(view: BlockView) -> Array:
     """Tints of groups, the paler the less a block moves, shape (blocks, 3)."""
     from matplotlib.colors import to_rgb
 
-    fixed = view.structure.number < 0
-    group = np.array([block.group for block in view.structure.blocks])
+    fixed = view.bodies.fixed
+    group = np.array(view.bodies.groups)
     groups = list(dict.fromkeys(group[~fixed]))
     tint = [TINTS[groups.index(g) % len(TINTS)] if g in groups else TINTS[0] for g in group]
     amount = np.where(view.share > 1e-3, 0.45 + 0.55 * view.share, 0.0)[:, None]
@@ -167,7 +168,7 @@ def block_colours(view: SpatialView) -> Array:
     return np.asarray(colours)
 
 
-def _hidden(view: SpatialView, place: Array, turn: Array) -> Flags:
+def _hidden(view: BlockView, place: Array, turn: Array) -> Flags:
     """Whether the second of two bodies hides the first, shape (bodies, bodies).
 
     Args:
@@ -229,15 +230,15 @@ def _in_circles(hides: Flags) -> Flags:
     return np.asarray(~np.isin(circle, before[behind != before]))
 
 
-def _marks(view: SpatialView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
+def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     """Edges of contacts on the sides that are seen, displaced, with their colours, by side."""
     bodies = view.bodies
     seen = bodies.normal @ turn[2] > EDGEWISE
     marks: dict[int, list[tuple[Array, str]]] = defaultdict(list)
+    at = view.touching
     states = view.contacts.state.tolist()
-    for contact, state in zip(view.structure.contacts, states, strict=True):
-        corners = contact.corners
-        for block in (contact.first, contact.second) if state in MARKS else ():
+    for pair, corners, state in zip(at.pairs.tolist(), at.corners, states, strict=True):
+        for block in pair if state in MARKS else ():
             flat = (corners + view.displacements(corners, block)) @ turn[:2].T
             for side in np.flatnonzero(seen & (bodies.side_block == block)):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]

@@ -21,16 +21,18 @@ from fenics_contact.output.files import BRACKET, strict, tie_records, write_capa
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.history import CurveEnd
 from fenics_contact.results.result import Table
+from fenics_contact.results.words import mechanism_record
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.certificate import tolerances
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit, collapse_proof
-from fenics_contact.spatial.view import SpatialView, views_of
+from fenics_contact.spatial.structure import Structure
+from fenics_contact.spatial.view import views_of
 from fenics_contact.spatial.viewer import write_viewer
 from fenics_contact.spatial.vtu import write_fields
-from fenics_contact.spatial.words import mechanism_record
 from fenics_contact.version import __version__
 
 
@@ -81,7 +83,8 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
     gap = result.scene.solve.asked_gap
     views = views_of(result)
     ends = {
-        name: _collapse_record(end, views[name], gap) | {"tables": _tables(end, words.units)}
+        name: _collapse_record(structure, end, views[name], gap)
+        | {"tables": _tables(end, words.units)}
         for name, end in result.ends.items()
     }
     first = next(iter(ends.values()))
@@ -133,12 +136,14 @@ def _tables(collapse: SpatialCollapse, units: Units) -> list[dict[str, Any]]:
     return [vars(one) for one in tables]
 
 
-def _collapse_record(collapse: SpatialCollapse, view: SpatialView, asked: float) -> dict[str, Any]:
+def _collapse_record(
+    structure: Structure, collapse: SpatialCollapse, view: BlockView, asked: float
+) -> dict[str, Any]:
     """What is known of one direction, of which a gap was asked for."""
     limit = collapse.status == "limit"
     mode = collapse.mode
     moves = (
-        {**mechanism_record(view), "motion": view.structure.told_motions(mode).tolist()}
+        {**mechanism_record(view), "motion": structure.told_motions(mode).tolist()}
         if limit and mode is not None
         else {}
     )

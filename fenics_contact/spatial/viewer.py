@@ -12,8 +12,9 @@ import numpy as np
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.html import direction_words, text
+from fenics_contact.results.block_view import BlockView, ContactState
 from fenics_contact.spatial.result import SpatialLimit
-from fenics_contact.spatial.view import ContactState, SpatialView, views_of
+from fenics_contact.spatial.view import views_of
 
 #: The page, and what it is made from.
 PAGE = "viewer.html"
@@ -43,10 +44,11 @@ def viewer_page(result: SpatialLimit) -> str:
     return TEMPLATE.read_text(encoding="utf-8").replace("TITLE", title, 1).replace("DATA", data, 1)
 
 
-def _data(views: Mapping[str, SpatialView]) -> dict[str, Any]:
+def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
     """What the page shows: blocks once, motions and contacts by direction."""
     view = next(iter(views.values()))
-    structure = view.structure
+    bodies = view.bodies
+    at = view.touching
     digits = DIGITS - int(np.floor(np.log10(view.size)))
 
     def rounded(values: Array, digits: int = digits) -> Any:
@@ -56,14 +58,19 @@ def _data(views: Mapping[str, SpatialView]) -> dict[str, Any]:
         "centre": rounded(view.box.mean(axis=0)),
         "size": float(np.linalg.norm(np.ptp(view.box, axis=0))),
         "blocks": [
-            {"name": b.name, "group": b.group, "fixed": b.fixed, "centre": rounded(b.centroid)}
-            for b in structure.blocks
+            {"name": name, "group": group, "fixed": fixed, "centre": rounded(centre)}
+            for name, group, fixed, centre in zip(
+                bodies.names, bodies.groups, bodies.fixed.tolist(), bodies.centroid, strict=True
+            )
         ],
         "pieces": [
             {"block": int(number), "sides": piece.sides, "at": rounded(piece.corners)}
-            for number, piece in zip(view.bodies.of_piece, view.bodies.pieces, strict=True)
+            for number, piece in zip(bodies.of_piece, bodies.pieces, strict=True)
         ],
-        "ties": [(*bar.blocks, rounded(bar.ends)) for bar in structure.bars],
+        "ties": [
+            (*pair, rounded(ends))
+            for pair, ends in zip(view.tie_blocks.tolist(), view.tie_ends, strict=True)
+        ],
         "views": [
             {
                 "name": direction_words(name),
@@ -73,8 +80,10 @@ def _data(views: Mapping[str, SpatialView]) -> dict[str, Any]:
                 "use": rounded(one.utilisation, 3),
                 "marked": one.marked,
                 "contacts": [
-                    (c.first, c.second, int(state), rounded(c.corners))
-                    for c, state in zip(structure.contacts, one.contacts.state, strict=True)
+                    (*pair, state, rounded(corners))
+                    for pair, corners, state in zip(
+                        at.pairs.tolist(), at.corners, one.contacts.state.tolist(), strict=True
+                    )
                     if state != ContactState.CLOSED
                 ],
             }

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
 from fenics_contact.spatial.structure import Structure
-from fenics_contact.spatial.view import SpatialView, views_of
+from fenics_contact.spatial.view import views_of
 
 #: Types of cells in VTK files.
 POLYGON, POLYHEDRON = 7, 42
@@ -88,18 +89,18 @@ def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> Non
     )
 
 
-def _blocks(view: SpatialView) -> Grid:
+def _blocks(view: BlockView) -> Grid:
     """Cells of the blocks' pieces with what is known of them; groups are numbered in turn."""
     bodies = view.bodies
-    blocks = [view.structure.blocks[number] for number in bodies.of_piece]
-    groups = list(dict.fromkeys(block.group for block in view.structure.blocks))
+    groups = list(dict.fromkeys(bodies.groups))
+    group = np.array([groups.index(name) for name in bodies.groups])
     faces = [[len(piece.sides)] for piece in bodies.pieces]
     for loop, piece in zip(bodies.sides, bodies.side_piece, strict=True):
         faces[piece] += [len(loop), *loop.tolist()]
     at_cells = {
         "block": bodies.of_piece,
-        "group": np.array([groups.index(block.group) for block in blocks]),
-        "fixed": np.array([block.fixed for block in blocks], dtype=int),
+        "group": group[bodies.of_piece],
+        "fixed": bodies.fixed[bodies.of_piece].astype(int),
         "movement": view.share[bodies.of_piece],
         "utilisation": view.utilisation[bodies.of_piece],
         "falls": np.isin(bodies.of_piece, view.marked).astype(int),
@@ -111,11 +112,11 @@ def _blocks(view: SpatialView) -> Grid:
     return grid
 
 
-def _contacts(view: SpatialView) -> Grid:
+def _contacts(view: BlockView) -> Grid:
     """Cells of the contacts with what they carry and do."""
-    corners = [contact.corners for contact in view.structure.contacts]
-    normal = np.array([contact.axes[0] for contact in view.structure.contacts])
-    at_cells = {**vars(view.contacts), "normal": normal, "blocks": view.bodies.pairs}
+    corners = view.touching.corners
+    normal = view.touching.normal
+    at_cells = {**vars(view.contacts), "normal": normal, "blocks": view.touching.pairs}
     counts = np.array(list(map(len, corners)))
     kinds = np.select([counts == 1, counts == 2], [VERTEX, LINE], POLYGON)
     return _grid(kinds, np.vstack(corners), counts, at_cells)
