@@ -22,9 +22,10 @@ from fenics_contact.answers.question import Asked, Question
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.output.view import block_view
 from fenics_contact.results.result import Collapse, Table
-from fenics_contact.results.values import mechanism
 from fenics_contact.results.wording import Line, Wording
+from fenics_contact.results.words import MOVES
 from fenics_contact.scene.scene import Scene, Seismic
 from fenics_contact.scene.units import Units
 
@@ -125,7 +126,7 @@ class SeismicAnswer(Asked):
         options = layout.scene.seismic
         if options is None or end.mode is None or end.joints is None:
             return None, end
-        moving = mechanism(layout, end.mode, end.joints).moving
+        moving = np.flatnonzero(block_view(layout, end.mode).share > MOVES)
         return cls(seismic_check(layout, options, end.load_factor, end.mode, moving)), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:

@@ -63,7 +63,7 @@ CLASSES: Mapping[str, type] = {
     )
     for kind in kinds
 }
-SPARED = {"local", "local_facets", "stencil"}
+SPARED = {"mode", "local", "local_facets", "stencil"}
 
 
 # ---- drawn

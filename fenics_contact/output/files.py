@@ -32,16 +32,17 @@ from fenics_contact.output.figures import (
 )
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.plotting import save_capacity
-from fenics_contact.output.report.content import MOTION, RECORD
+from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
-from fenics_contact.output.view import View, block_view, caption_of, motion_record, view_of
+from fenics_contact.output.report.viewer import write_viewer
+from fenics_contact.output.view import View, block_view, caption_of, view_of
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
 from fenics_contact.results.values import (
     TieState,
     falling_blocks,
-    mechanism,
     soil_forces,
     tie_arrays,
 )
@@ -139,10 +140,9 @@ def _write_fields(
     options = result.scene.output
     lost: list[str] = []
     figures: list[Figure] = []
-    views: dict[str, View] = {}
     drawn: list[Figure] = []
     if options.pictures and not hurry():
-        figures, views = _figures(result)
+        figures = _figures(result)
         collapses = [one for one in figures if one.kind in ("collapse", "marked")]
         everything = options.pictures == ALL or options.report
         drawn = figures if everything else collapses or figures
@@ -158,13 +158,13 @@ def _write_fields(
                 path = folder / f"joints{suffix}.vtu"
                 write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
     if figures and not hurry():
+        blocks = _block_views(result)
         kept = [one for one in figures if one not in drawn]
         with writing(comm):
             if comm.rank == 0 and kept:
                 write_figures(folder / FIGURES, kept)
-            if comm.rank == 0 and views:  # how the blocks move, for the slider of the report
-                motions = {name: motion_record(view) for name, view in views.items()}
-                (folder / MOTION).write_text(json.dumps(motions, separators=(",", ":")) + "\n")
+            if comm.rank == 0 and blocks:
+                write_viewer(blocks, folder)
     with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
             write_capacity(result, result.capacity, result.collapse, folder)
@@ -178,14 +178,29 @@ def _suffix(result: Result, direction: str) -> str:
     return "_negative" if direction == "negative" and len(result.ends) == 2 else ""
 
 
-def _figures(result: Result) -> tuple[list[Figure], dict[str, View]]:
-    """All pictures of a result but that of its curve, and motions by direction. Collective."""
+def _block_views(result: Result) -> dict[str, BlockView]:
+    """Blocks with their motions, by direction. Collective."""
+    layout = result.layout
+    views: dict[str, BlockView] = {}
+    if result.fall is not None:
+        view = block_view(layout, layout.rigid_motion(result.fall))
+        views["fall"] = replace(view, caption=FALLS, marked=tuple(result.falling.tolist()))
+    for direction, end in result.ends.items():
+        if end.mode is not None and end.joints is not None and end.status != "unbounded":
+            reversal = ", live load reversed" * (direction == "negative")
+            view = block_view(layout, end.mode, end.joints, end.sign)
+            views[direction] = replace(view, caption=_title(end, reversal))
+    title = plain(result.scene.title, LONGEST_TITLE)
+    return {name: replace(view, title=title) for name, view in views.items()}
+
+
+def _figures(result: Result) -> list[Figure]:
+    """All pictures of a result but that of its curve. Collective."""
     layout = result.layout
     figures: list[Figure] = []
-    views: dict[str, View] = {}
+    shown: list[View] = []
     if result.fall is not None:
         figures.append(figure_of_blocks(layout, result.falling, result.fall, FALLS))
-        views["fall"] = figures[0].view
     for direction, end in result.ends.items():
         negative = direction == "negative"
         suffix = _suffix(result, direction)
@@ -198,13 +213,13 @@ def _figures(result: Result) -> tuple[list[Figure], dict[str, View]]:
         elif end.state is not None and end.mode is not None and end.joints is not None:
             view = view_of(layout, end.mode, end.joints, sign)
             view = replace(view, caption=caption_of(end.status, end.engine))
-            views[direction] = view
+            shown.append(view)
             elastic = layout.with_imposed(end.state).elastic
             title = _title(end, reversal)
             figures += figures_of_state(layout, view, elastic, title, "collapse", suffix)
     falls = result.fall is not None
-    view = view_of(layout) if falls or not views else next(iter(views.values()))
-    return [*figures, Figure("scene", "scene", view, _whole(layout.scene, ""))], views
+    view = view_of(layout) if falls or not shown else shown[0]
+    return [*figures, Figure("scene", "scene", view, _whole(layout.scene, ""))]
 
 
 @contextmanager
@@ -434,10 +449,8 @@ def _end_record(result: Result, end: Collapse) -> Record:
     """What one end of the range of load factors is, and what the blocks do there. Collective."""
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
-        found = mechanism(result.layout, end.mode, end.joints)
         view = block_view(result.layout, end.mode, end.joints, end.sign)
         moves = mechanism_record(view)
-        moves |= {name: np.asarray(value).tolist() for name, value in vars(found).items()}
     units = result.scene.units.of_report
     answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]

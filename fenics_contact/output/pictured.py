@@ -33,7 +33,7 @@ from fenics_contact.output.plotting import (
     save,
     structure_figure,
 )
-from fenics_contact.output.view import View, motion_record
+from fenics_contact.output.view import View, block_view
 
 #: Of a film: pictures per second, so that motion looks smooth and files stay small; part of the
 #: time at the end in which nothing moves; pixels per inch, for some 900 pixels of width; its
@@ -41,8 +41,6 @@ from fenics_contact.output.view import View, motion_record
 RATE, STILL, RESOLUTION, LONGEST = 15, 0.25, 110, 100.0
 #: Matplotlib's writers by ending of the file.
 WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
-#: Part of the largest motion below which a block is not shaded as one that moves.
-STANDS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,7 @@ class MovingPicture:
     html: str
 
     def _repr_html_(self) -> str:
-        style = "<style>figure.moving svg { max-width: 40em; overflow: visible }</style>"
-        return f"{style}{self.html}"
+        return self.html
 
 
 class Pictured(ABC):
@@ -175,15 +172,17 @@ class Pictured(ABC):
             SolverError: If there is nothing to draw.
         """
         view = self._scaled(scale)
-        if self.layout.scene.comm.rank != 0:
+        layout = self.layout
+        mode = np.zeros(layout.imposed.shape) if view.mode is None else view.mode
+        marked = tuple([] if view.marked is None else view.marked.tolist())
+        blocks = replace(block_view(layout, mode, view.values), marked=marked)
+        if layout.scene.comm.rank != 0:
             return None
-        from fenics_contact.output.report.answer import moving_figure
-        from fenics_contact.output.report.html import SCRIPT
+        from fenics_contact.output.report.html import viewer_frame
+        from fenics_contact.output.report.viewer import viewer_page
 
-        motion = motion_record(view)
-        size = np.abs(motion["motions"]).max(axis=1)
-        moving = np.flatnonzero(size > STANDS * size.max()).tolist()
-        return MovingPicture(f"{moving_figure(motion, moving)}<script>{SCRIPT}</script>")
+        moved = replace(blocks, motion=scale * blocks.motion)
+        return MovingPicture(viewer_frame(viewer_page({"positive": moved})))
 
     def _repr_png_(self) -> bytes | None:
         """Motion and joint forces, for a notebook. Collective."""

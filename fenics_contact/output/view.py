@@ -35,9 +35,8 @@ from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
 APART = 1.0 / 15.0
-#: Corners that leave a straight line by less than this part of the structure's size are left out
-#: of `motion_record`, whose coordinates have so many digits after the leading one of the size.
-STRAIGHT, DIGITS = 1e-5, 6
+#: Corners that leave a straight line by less than this part of the structure's size are none.
+STRAIGHT = 1e-5
 
 
 class Arrows(NamedTuple):
@@ -147,6 +146,7 @@ class View:
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
         roles: Names of what has a role in the scene.
+        mode: What moves the blocks, this rank's part in the supports' coordinates; None: nothing.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
@@ -169,6 +169,7 @@ class View:
     ties: TieValues | None
     tie_motion: Array
     roles: Roles
+    mode: Array | None = None
     scale: float = 1.0
     caption: Caption = COLLAPSE
     marked: Indices | None = None
@@ -235,6 +236,7 @@ def view_of(
         ties=ties,
         tie_motion=sides[count:][: 0 if ties is None else len(ties.force)],
         roles=Roles(tuple(held), tuple(scene.ties), *labels),
+        mode=mode,
         scale=scale,
         thickness=scene.thickness,
     )
@@ -379,11 +381,6 @@ def block_view(
     groups = [materials[number] for number in body_materials(layout)]
     loops = outlines(layout.boundary, layout.boundary.points[:, :2])
     ties = tie_arrays(layout, values)
-    bars: dict[str, Any] = {
-        "ends": np.empty((0, 2, 2)),
-        "blocks": np.empty((0, 2), dtype=np.int64),
-        **ties,
-    }
     size = float(np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).max())
     view = BlockView(
         bodies=Bodies(
@@ -399,8 +396,8 @@ def block_view(
         touching=_contacts(layout.joints.without_ties(), values),
         live=sign * _lifted(layout.bodies.live[:, :2]),
         motion=motion @ LIFTED,
-        tie_ends=_lifted(bars["ends"]),
-        tie_blocks=bars["blocks"],
+        tie_ends=_lifted(ties.get("ends", np.empty((0, 2, 2)))),
+        tie_blocks=ties.get("blocks", np.empty((0, 2), dtype=np.int64)),
         ties=ties,
     )
     return view.scaled()
@@ -487,41 +484,3 @@ def outlines(boundary: Boundary, ends: Array) -> list[list[Array]]:
             node = nodes[rows[-1]][1]
         loops[boundary.body[rows[0]]].append(points[rows])
     return loops
-
-
-def motion_record(view: View) -> dict[str, Any]:
-    """Outlines of the blocks, their centres, and their motions (u_x, u_y, angle) about these.
-
-    Coordinates are those of the mesh, m. Motions are scaled as in the pictures: the largest
-    displacement is a fixed part of the structure's size. They are rigid, small, and fit those of
-    the facets' ends best, by least squares.
-    """
-    digits = DIGITS - int(np.floor(np.log10(view.size)))
-
-    def rounded(values: Array, digits: int = digits) -> Any:
-        return (np.round(values, digits) + 0.0).tolist()  # without signs of zeros
-
-    def corners(loop: Array) -> Array:
-        before = loop - np.roll(loop, 1, axis=0)
-        after = np.roll(loop, -1, axis=0) - loop
-        cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-        flat = STRAIGHT * view.size
-        turns = cross > flat * np.maximum(np.linalg.norm(before + after, axis=1), flat)
-        return loop[turns] if turns.sum() >= 3 else loop
-
-    body = np.repeat(view.boundary.body, 2)
-    x, y = (view.rest.reshape(-1, 2) - view.centre[body]).T
-    one = np.ones_like(x)
-    zero = np.zeros_like(x)
-    rigid = np.array([[one, zero, -y], [zero, one, x]]).T  # (ends, 3, 2)
-    normal = np.zeros((len(view.centre), 3, 3))
-    right = np.zeros((len(view.centre), 3))
-    np.add.at(normal, body, rigid @ rigid.transpose(0, 2, 1))
-    np.add.at(right, body, (rigid @ view.motion.reshape(-1, 2, 1))[..., 0])
-    motion = np.linalg.solve(normal, right[..., None])[..., 0]
-    loops = outlines(view.boundary, view.rest)
-    return {
-        "outlines": [[rounded(corners(loop)) for loop in of_body] for of_body in loops],
-        "centres": rounded(view.centre),
-        "motions": rounded(motion, digits + 2),
-    }

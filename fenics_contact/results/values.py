@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.layout import Layout, straight_faces
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.soil import places_of_soil
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Indices
@@ -327,74 +326,6 @@ def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None)
 
 def _motions(layout: Layout, values: Array, columns: int | slice) -> npt.NDArray[Any]:
     return layout.centroid_motions(values)[:, columns]
-
-
-#: A block moves, or turns, from this part of the largest speed on. Elastic motions are smaller.
-MOVES = 1e-3
-
-
-@dataclass(frozen=True)
-class Mechanism:
-    """A collapse mode in numbers; alike on all ranks.
-
-    A joint here is a straight face between two blocks, or between a block and the ground.
-
-    Attributes:
-        moving: Numbers of the blocks that move.
-        turning: Numbers of those of them that turn.
-        fastest: Number of the block that moves fastest.
-        centre: Centre of that block, m, shape (2,).
-        direction: Unit vector along the motion of that centre, shape (2,); zero if it only turns.
-        joints: Number of joints.
-        parting: Joints that open over their whole length.
-        rocking: Joints that open over a part of their length.
-        sliding: Joints that slide and stay closed.
-    """
-
-    moving: Indices
-    turning: Indices
-    fastest: int
-    centre: Array
-    direction: Array
-    joints: int
-    parting: int
-    rocking: int
-    sliding: int
-
-
-def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
-    """What a mode does; `mode` is this rank's part in the supports' coordinates. Collective."""
-    motion = layout.centroid_motions(mode)
-    # Of all bodies: largest speed of a node, and largest distance of one from their mean.
-    size = [np.linalg.norm(table, axis=1) for table in (layout.cartesian(mode), layout.arm)]
-    largest = np.zeros((len(motion), 2))
-    np.maximum.at(largest, layout.node_body, np.column_stack(size))
-    layout.scene.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    speed, reach = largest.T
-    velocity = motion[:, :2]
-    edge_speed = np.abs(motion[:, 2]) * reach
-    fastest = int(np.argmax(speed))
-    least = MOVES * speed[fastest]
-    pace = float(np.linalg.norm(velocity[fastest]))
-    values = values.first(layout.joints.joint_count)
-    face = straight_faces(layout.joints.without_ties()).of_point
-    count = int(face.max(initial=-1)) + 1
-    is_open = values.contact == Contact.OPEN
-    opening, closed, slipping = (  # joints with a point that does so
-        np.bincount(face[points], minlength=count) > 0
-        for points in (is_open & values.opens, ~is_open, values.contact == Contact.SLIP)
-    )
-    return Mechanism(
-        moving=np.flatnonzero(speed > least),
-        turning=np.flatnonzero(edge_speed > least),
-        fastest=fastest,
-        centre=layout.centroid[fastest],
-        direction=velocity[fastest] / pace if pace > least else np.zeros(2),
-        joints=count,
-        parting=int(np.sum(opening & ~closed)),
-        rocking=int(np.sum(opening & closed)),
-        sliding=int(np.sum(~opening & slipping)),
-    )
 
 
 #: Blocks fall, or wedge, from this part of the largest motion, or force, on.

@@ -16,6 +16,8 @@ from fenics_contact.results.block_view import AMPLITUDE, AS_ONE, BlockView, Cont
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import TieState
 
+#: A block moves, or turns, from this part of the largest displacement on.
+MOVES = 1e-3
 #: A part spans a structure from more than this part of its width or height on.
 SPANS = 0.701
 #: Its middle is in the middle of the structure this near to it, over width or height.
@@ -93,15 +95,39 @@ def _in_words(view: BlockView, parts: Sequence[Part]) -> str:
 
 
 def mechanism_record(view: BlockView) -> dict[str, Any]:
-    """What result.json has of a collapse: in words, parts, and what contacts do."""
+    """What result.json has of a collapse: in words, parts, and what blocks and contacts do.
+
+    A block moves, or turns, from a part of the largest displacement on: elastic motions are
+    smaller. "centre" and "direction" are those of the fastest block; the direction is 0 if that
+    turns about its centre.
+    """
     states = view.contacts.state
+    count = {kind.name.lower(): int(np.sum(states == kind)) for kind in ContactState}
     parts = moving_parts(view)
+    bodies = view.bodies
+    speed = view.share
+    reach = bodies.largest(np.linalg.norm(bodies.corner - bodies.centroid[bodies.block], axis=1))
+    displacement, rotation = view.motion[:, :3], view.motion[:, 3:]
+    turning = np.linalg.norm(rotation, axis=1) * reach > MOVES * AMPLITUDE * view.size
+    fastest = int(np.argmax(speed))
+    pace = float(np.linalg.norm(displacement[fastest]))
+    shifts = pace > MOVES * AMPLITUDE * view.size
+    way = displacement[fastest] / pace if shifts else np.zeros(3)
+    given = slice(None, None, 4 - bodies.dimension)  # components that people give
     return {
         "words": _in_words(view, parts),
         "parts": [vars(part) for part in parts],
-        "moving": np.flatnonzero(view.share > AS_ONE).tolist(),
+        "moving": np.flatnonzero(speed > MOVES).tolist(),
+        "turning": np.flatnonzero(turning).tolist(),
+        "fastest": fastest,
+        "centre": (bodies.centroid[fastest, given] + 0.0).tolist(),
+        "direction": (way[given] + 0.0).tolist(),
+        "joints": len(states),
+        "parting": count["opens"],
+        "rocking": count["rocks"],
+        "sliding": count["slides"],
         "contacts": {
-            "states": {kind.name.lower(): int(np.sum(states == kind)) for kind in ContactState},
+            "states": count,
             "pressure": float(view.contacts.pressure.max(initial=0.0)),
         },
     }

@@ -21,6 +21,7 @@ from fenics_contact.output.files import BRACKET, strict, tie_records, write_capa
 from fenics_contact.output.folder import filled_at_once
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
+from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.history import CurveEnd
 from fenics_contact.results.result import Table
@@ -31,7 +32,6 @@ from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit, collapse_proof
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.view import views_of
-from fenics_contact.spatial.viewer import write_viewer
 from fenics_contact.spatial.vtu import write_fields
 from fenics_contact.version import __version__
 
@@ -63,7 +63,7 @@ class LimitLoad(SpatialLimit):
                 write_fields(self, hidden)
             if output.pictures and not hurry():
                 draw_collapse(self, hidden, output.formats)
-                write_viewer(self, hidden)
+                write_viewer(views_of(self), hidden)
             first = next(iter(self.ends.values()))
             if first.curve:
                 write_capacity(self, first.curve, first, hidden)

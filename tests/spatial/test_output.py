@@ -14,6 +14,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from fenics_contact.output.report.viewer import viewer_page, write_viewer
 from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import JointLaw, SolveOptions, Tie
@@ -25,8 +26,7 @@ from fenics_contact.spatial.picture import draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
-from fenics_contact.spatial.view import view_of
-from fenics_contact.spatial.viewer import viewer_page, write_viewer
+from fenics_contact.spatial.view import view_of, views_of
 from fenics_contact.spatial.vtu import write_fields
 
 GROUND = Block((Polyhedron.box([-3, -3, -0.2], [3, 3, 0]),), "ground", "ground", fixed=True)
@@ -203,7 +203,7 @@ def test_pictures_are_written(tipping, tmp_path):
 
 
 def test_viewer_needs_no_other_file(tipping, tmp_path):
-    write_viewer(tipping, tmp_path)
+    write_viewer(views_of(tipping), tmp_path)
     page = (tmp_path / "viewer.html").read_text(encoding="utf-8")
     assert not re.search(r"https?:|src=|href=|@import|url\(", page)
     data = json.loads(re.search(r'application/json">(.*)</script>', page).group(1))
@@ -218,14 +218,12 @@ def test_viewer_is_small_and_holds_any_name():
     structure = structure_of(row, 0.5, [1, 0, 0])
     mode = np.random.default_rng(0).normal(size=(count + 1, 6))
     collapse = SpatialCollapse("limit", 1.0, 0.0, mode=mode)
-    page = viewer_page(SpatialLimit(None, structure, {"positive": collapse}))
-    empty = viewer_page(
-        SpatialLimit(
-            None,
-            structure_of(row[:1], 0.5, [1, 0, 0]),
-            {"positive": replace(collapse, mode=mode[:2])},
-        )
+    whole = SpatialLimit(None, structure, {"positive": collapse})
+    page = viewer_page(views_of(whole))
+    smaller = SpatialLimit(
+        None, structure_of(row[:1], 0.5, [1, 0, 0]), {"positive": replace(collapse, mode=mode[:2])}
     )
+    empty = viewer_page(views_of(smaller))
     assert page.count("</script>") == 2
     assert len(page) - len(empty) < 600 * count
 
@@ -243,7 +241,9 @@ def test_ties_are_drawn(tipping, tmp_path):
     assert mechanism_in_words(view) == f"{foot}, tie stay yields"
     draw_collapse(result, tmp_path, ("svg",))
     assert "<!-- tie -->" in (tmp_path / "collapse.svg").read_text()
-    data = json.loads(re.search(r'application/json">(.*)</script>', viewer_page(result)).group(1))
+    data = json.loads(
+        re.search(r'application/json">(.*)</script>', viewer_page(views_of(result))).group(1)
+    )
     assert data["ties"] == [[2, -1, [[0.0, 0.0, 1.5], [2.0, 0.0, 0.0]]]]
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.result import SpatialLimit
-from fenics_contact.spatial.viewer import write_viewer
+from fenics_contact.spatial.view import views_of
 from tests.spatial.test_output import TOWER, structure_of
 from tests.system.test_browser import BROWSER, DRIVER, FLAGS, webdriver
 
@@ -43,7 +44,7 @@ def page(driver, request, tmp_path_factory):
     collapse = collapse_of(structure)
     result = SpatialLimit(None, structure, {"positive": collapse, "negative": collapse})
     folder = tmp_path_factory.mktemp("viewer")
-    write_viewer(result, folder)
+    write_viewer(views_of(result), folder)
     driver.get((folder / "viewer.html").as_uri() + request.param)
     yield driver
     assert [one for one in driver.get_log("browser") if one["level"] == "SEVERE"] == []

@@ -30,7 +30,7 @@ CELL_ARRAYS |= {"principal_1", "principal_2", "direction_2_x", "direction_2_y"}
 JOINT_ARRAYS = {"pressure", "shear", "gap", "slip"}
 JOINT_VECTORS, FACET_ARRAYS = {"displacement", "collapse_mode"}, {"state", "group", "friction"}
 PICTURES = {"collapse.png", "forces.png", "scene.png", "stress.png", "thrust.png"}
-DRAWN = {"collapse.png", "figures.npz", "motion.json"}
+DRAWN = {"collapse.png", "figures.npz", "viewer.html"}
 PARAVIEW = {"blocks.pvd", "blocks000000.pvtu", "blocks_p0_000000.vtu", "joints.vtu"}
 
 FORMATS = ("svg", "pdf")
@@ -183,7 +183,7 @@ def test_all_pictures_are_those_that_the_report_draws(options, solved, tmp_path,
     assert (
         run_here(["solve", solved.folder / "wall.toml", "-o", tmp_path, *options], capsys).code == 0
     )
-    assert files(tmp_path) == PARAVIEW | PICTURES | {"result.json", "motion.json"}
+    assert files(tmp_path) == PARAVIEW | PICTURES | {"result.json", "viewer.html"}
     later = tmp_path / "later"
     shutil.copytree(solved.output, later)
     assert run_here(["report", later], capsys).code == 0
@@ -199,7 +199,7 @@ def test_pictures_in_other_formats(tmp_path, capsys):
     scene = write_scene(tmp_path, WALL | formats, "wall")
     assert run_here(["solve", scene], capsys).code == 0
     names = {f"{Path(name).stem}.{suffix}" for name in PICTURES for suffix in FORMATS}
-    assert files(tmp_path / "scene") == names | {"result.json", "motion.json"}
+    assert files(tmp_path / "scene") == names | {"result.json", "viewer.html"}
     for name in names:
         start = (tmp_path / "scene" / name).read_bytes()[:5]
         assert start == (b"<?xml" if name.endswith("svg") else b"%PDF-")

@@ -20,9 +20,9 @@ from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.html import PICTURES
 from fenics_contact.scene.units import Units
 
-#: The file of a result that the page is made from, and that with outlines and motions of blocks.
-RECORD, MOTION = "result.json", "motion.json"
-#: The page that turns blocks in space.
+#: The file of a result that the page is made from.
+RECORD = "result.json"
+#: The page that moves blocks.
 VIEWER = "viewer.html"
 #: Pictures that a page can hold, by ending; the first that exists.
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
@@ -88,8 +88,7 @@ class Content:
     Attributes:
         record: Content of result.json.
         pictures: Data URIs by stem of the file.
-        motions: Content of motion.json: outlines and motions of blocks by direction.
-        viewer: The page that turns and moves blocks in space; empty if there is none.
+        viewer: The page that moves blocks; empty if there is none.
         sweep: A sweep beside the result.
         labels: Project and author.
         missing: Pictures that could not be drawn from what is there, and why; empty if none.
@@ -97,7 +96,6 @@ class Content:
 
     record: Record
     pictures: Mapping[str, str] = field(default_factory=dict)
-    motions: Mapping[str, Any] = field(default_factory=dict)
     sweep: SweepRecord | None = None
     labels: Labels = field(default_factory=Labels)
     missing: str = ""
@@ -155,17 +153,13 @@ def read_content(folder: Path, labels: Labels) -> Content:
             missing = _draw_kept(record, folder, Path(made), pictures)
             drawn = _pictures(Path(made), os.listdir(made))
         pictures = {stem: (pictures | drawn)[stem] for stem in PICTURES if stem in pictures | drawn}
-    motions: Mapping[str, Any] = {}
-    if MOTION in files:
-        with suppress(OSError, ValueError):  # the page does without
-            motions = json.loads((folder / MOTION).read_text(encoding="utf-8"))
     beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
     sweep = read_sweep(folder) or read_sweep(beside)
     viewer = ""
     if VIEWER in files:
-        with suppress(OSError, ValueError):
+        with suppress(OSError, ValueError):  # the page does without
             viewer = (folder / VIEWER).read_text(encoding="utf-8")
-    return Content(record, pictures, motions, sweep, labels, missing, viewer)
+    return Content(record, pictures, sweep, labels, missing, viewer)
 
 
 def _pictures(folder: Path, files: Collection[str]) -> dict[str, str]:

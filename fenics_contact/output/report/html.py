@@ -146,9 +146,8 @@ WITH_STRENGTH = (
     " elsewhere nothing crushes."
 )
 
-#: How the page looks, and what moves its blocks by sliders; without it they are shown displaced.
+#: How the page looks.
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
-SCRIPT = Path(__file__).with_name("motion.js").read_text(encoding="utf-8")
 #: Blocks that are listed by number.
 LISTED = 40
 
@@ -191,6 +190,12 @@ def picture(address: str, words: str) -> str:
     """A picture with what it shows; `address` is a data URI."""
     image = f'<img src="{escape(address)}" alt="{text(words)}">'
     return f"<figure>{image}<figcaption>{text(words)}</figcaption></figure>"
+
+
+def viewer_frame(page: str) -> str:
+    """The page inside of another one."""
+    style = "width: 100%; height: 36em; border: 0"
+    return f'<iframe title="Blocks that move" style="{style}" srcdoc="{escape(page)}"></iframe>'
 
 
 def value_text(value: Any, unit: str = "", units: Units | None = None) -> str:

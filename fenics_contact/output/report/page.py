@@ -1,7 +1,7 @@
 """A result on one page: report.html, made from result.json and the files beside it; and as PDF.
 
-The page needs no other file. Its only script moves the blocks; without it, and in print, they are
-shown displaced. All texts of the user are escaped. WeasyPrint makes the PDF.
+The page needs no other file. A page inside of it moves the blocks and has the only script; print
+has pictures instead. All texts of the user are escaped. WeasyPrint makes the PDF.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ from fenics_contact.output.report.html import (
     PICTURES,
     RANGE,
     RESIDUALS,
-    SCRIPT,
     STATUS,
     STYLE,
     WITH_STRENGTH,
@@ -60,7 +59,6 @@ from fenics_contact.output.report.spatial import (
     OF_BLOCKS,
     RANGE_IN_SPACE,
     contacts,
-    turning,
 )
 from fenics_contact.results.bounds import FROM_RIGID, counted, equal
 from fenics_contact.scene.units import PER_METRE, Units
@@ -177,7 +175,7 @@ def report_page(content: Content) -> str:
     for section, kind in (IN_SPACE if of_blocks(content.record) else SECTIONS).items():
         parts.append(f'<section class="{kind}">' if kind else "<section>")
         parts += [*section(content), "</section>"]
-    return _page(content.record["title"] or "Limit load", [*parts, f"<script>{SCRIPT}</script>"])
+    return _page(content.record["title"] or "Limit load", parts)
 
 
 def _page(name: str, parts: Iterable[str]) -> str:
@@ -515,7 +513,7 @@ SECTIONS: Mapping[Section, str] = {
 #: The same for blocks in space.
 IN_SPACE: Mapping[Section, str] = {
     first_page: "first",
-    turning: "",
+    how_it_fails: "",
     load_factors: "break",
     warnings: "",
     notes: "",

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 
 from fenics_contact.output.report.answer import law_text
 from fenics_contact.output.report.content import Content
 from fenics_contact.output.report.html import (
-    PICTURES,
     direction_words,
     heading,
-    picture,
     table,
 )
 
@@ -29,17 +26,6 @@ RANGE_IN_SPACE = (
     "With friction a structure can have several collapse states. The load factor is that of the"
     " state that was found and verified."
 )
-
-
-def turning(content: Content) -> Iterator[str]:
-    """The page that turns and moves the blocks, inside of this one; print has pictures alone."""
-    if content.viewer:
-        frame = 'title="Blocks in space" style="width: 100%; height: 36em; border: 0"'
-        inside = f'<iframe {frame} srcdoc="{escape(content.viewer)}"></iframe>'
-        yield f'<div class="again">{heading("How it fails")}{inside}</div>'
-    for direction in list(content.record["directions"])[1:]:
-        if address := content.picture_of("collapse", direction):
-            yield picture(address, PICTURES["collapse_negative"])
 
 
 def contacts(content: Content) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""A page that turns the blocks and moves them along the collapse mode, without any other file."""
+"""A page that moves the blocks along the collapse mode, and turns them, without any other file."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.html import direction_words, text
 from fenics_contact.results.block_view import BlockView, ContactState
-from fenics_contact.spatial.result import SpatialLimit
-from fenics_contact.spatial.view import views_of
 
 #: The page, and what it is made from.
 PAGE = "viewer.html"
@@ -23,23 +21,22 @@ TEMPLATE = Path(__file__).with_name(PAGE)
 DIGITS = 4
 
 
-def write_viewer(result: SpatialLimit, folder: Path) -> None:
+def write_viewer(views: Mapping[str, BlockView], folder: Path) -> None:
     """Write viewer.html, on this rank.
 
     Args:
-        result: What was found.
+        views: What was found, by direction.
         folder: Where to, which is there.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    replace_file(folder / PAGE, viewer_page(result).encode("utf-8"))
+    replace_file(folder / PAGE, viewer_page(views).encode("utf-8"))
 
 
-def viewer_page(result: SpatialLimit) -> str:
+def viewer_page(views: Mapping[str, BlockView]) -> str:
     """The page, as HTML. Texts of the user cannot leave the JSON that holds them."""
-    views = views_of(result)
-    data = json.dumps(_data(views), separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(_data(views), separators=(",", ":")).replace("<", "\u003c")
     title = text(next(iter(views.values())).title or "Collapse")
     return TEMPLATE.read_text(encoding="utf-8").replace("TITLE", title, 1).replace("DATA", data, 1)
 
@@ -55,16 +52,26 @@ def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
         return (np.round(values, digits) + 0.0).tolist()  # without signs of zeros
 
     return {
+        "dimension": bodies.dimension,
         "centre": rounded(view.box.mean(axis=0)),
         "size": float(np.linalg.norm(np.ptp(view.box, axis=0))),
         "blocks": [
-            {"name": name, "group": group, "fixed": fixed, "centre": rounded(centre)}
-            for name, group, fixed, centre in zip(
-                bodies.names, bodies.groups, bodies.fixed.tolist(), bodies.centroid, strict=True
+            {"name": name, "group": group, "fixed": fixed, "centre": centre, "size": size}
+            for name, group, fixed, centre, size in zip(
+                bodies.names,
+                bodies.groups,
+                bodies.fixed.tolist(),
+                rounded(bodies.centroid),
+                rounded(bodies.volume ** (1.0 / bodies.dimension)),
+                strict=True,
             )
         ],
         "pieces": [
-            {"block": int(number), "sides": piece.sides, "at": rounded(piece.corners)}
+            {
+                "block": int(number),
+                "sides": [list(map(int, side)) for side in piece.sides],
+                "at": rounded(piece.corners),
+            }
             for number, piece in zip(bodies.of_piece, bodies.pieces, strict=True)
         ],
         "ties": [
