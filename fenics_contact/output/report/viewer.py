@@ -36,7 +36,7 @@ def write_viewer(views: Mapping[str, BlockView], folder: Path) -> None:
 
 def viewer_page(views: Mapping[str, BlockView]) -> str:
     """The page, as HTML. Texts of the user cannot leave the JSON that holds them."""
-    data = json.dumps(_data(views), separators=(",", ":")).replace("<", "\u003c")
+    data = json.dumps(_data(views), separators=(",", ":")).replace("<", "\\u003c")
     title = text(next(iter(views.values())).title or "Collapse")
     return TEMPLATE.read_text(encoding="utf-8").replace("TITLE", title, 1).replace("DATA", data, 1)
 
