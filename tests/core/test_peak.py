@@ -80,6 +80,7 @@ def test_equilibrium_agrees_with_the_peak(result):
     assert equilibrium(rubble(), result.positive.peak.not_found_at).status != "equilibrium"
 
 
+@pytest.mark.slow
 def test_mirror_image_and_reversed_load_have_the_peak_of_the_opposite_sign(result):
     scene = rubble(mirrored=True, peak=True, direction="negative")
     mirrored = limit_load(scene)

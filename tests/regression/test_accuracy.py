@@ -117,7 +117,7 @@ def test_another_state_on_finer_meshes_is_the_one_reported():
 
 def test_an_accuracy_that_is_not_reached_is_said():
     with numbers(meshes=2):
-        result = limit_load(SQUEEZED.scene(2, accuracy=1e-4))
+        result = limit_load(SQUEEZED.scene(1, accuracy=1e-4))
     assert result.status == "limit"
     assert "2 meshes" in result.inaccurate
     assert len(result.passes) == 2

@@ -72,7 +72,7 @@ def test_another_state_of_w3_that_no_uniform_mesh_shows(elements):
     assert end.hinges.points == pytest.approx(W3, abs=1e-4)
 
 
-@pytest.mark.parametrize("elements", [2, *slow(4)])
+@pytest.mark.parametrize("elements", slow(2, 4))
 def test_w2_changes_from_more_halvings_on_than_meshes_show(elements):
     """Up to six nothing changes; a chain of states next to each other then rises."""
     end = wall("W2", elements)
@@ -149,6 +149,7 @@ def test_open_points_with_a_strength_carry_shear():
     assert coarse.hinges.points == coarse.load_factor  # there are none
 
 
+@pytest.mark.slow
 def test_a_path_from_afar_that_is_begun_comes_to_its_end():
     """It takes a little more than is allowed, which would be lost just before its end."""
     result = limit_load(wall_recipe("W3", coulomb(1.0)).scene(2, fast=False))

@@ -14,7 +14,7 @@ import pytest
 
 from fenics_contact import InputError, LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from tests.bank import BANK, coulomb, wall_recipe
-from tests.quick import each_once, slow
+from tests.quick import each_once, slow, slow_rows
 from tests.system.program import ROOT, run, run_here, write_scene
 from tests.system.program import result as outcome
 
@@ -45,7 +45,8 @@ def recorded(scene: Scene, folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    each_once(["W1 tresca 2 kPa", "wedge 0.2", "stack of 2 0.7", "4x5 coulomb 0.75"], METHODS),
+    each_once(["W1 tresca 2 kPa", "wedge 0.2", "stack of 2 0.7"], METHODS)
+    + slow_rows(*product(["4x5 coulomb 0.75"], METHODS)),
 )
 def test_every_method_finds_what_is_known(name, method, tmp_path):
     record = recorded(BANK[name].scene(method=method), tmp_path)

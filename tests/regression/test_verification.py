@@ -48,8 +48,8 @@ def test_plate_moves_as_by_code_aster(quadrilaterals):
 @pytest.mark.parametrize(
     ("degree", "elements", "matching"),
     [
-        (1, 16, True),
         (1, 16, False),
+        pytest.param(1, 16, True, marks=pytest.mark.slow),
         pytest.param(2, 16, False, marks=pytest.mark.slow),
         pytest.param(2, 16, True, marks=pytest.mark.slow),
     ],

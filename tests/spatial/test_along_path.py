@@ -49,6 +49,7 @@ def scene(*arguments, **more):
     return Scene.from_tables(tables(*arguments, **more), Path())
 
 
+@pytest.mark.slow
 def test_peak_is_above_the_collapse_and_stands():
     asked = scene(DIPS, 0.7)
     end = limit_load(asked).ends["positive"]
@@ -68,7 +69,7 @@ def test_path_that_rises_has_no_peak():
 
 
 def test_fast_and_unasked_leave_the_peak_out():
-    for solve in ({"fast": True}, {"peak": False}):
+    for solve in ({"fast": True}, {"peak": False, "lowest": False}):
         assert limit_load(scene(solve=solve)).ends["positive"].peak is None
 
 
@@ -141,7 +142,9 @@ def _inline(table):
 
 
 def test_files_of_the_curve(tmp_path, capsys):
-    path = write(tmp_path, lines=["output.capacity = 6", "output.report = true"])
+    path = write(
+        tmp_path, lines=["output.capacity = 6", "output.report = true", "solve.lowest = false"]
+    )
     assert main(["solve", str(path)]) == 0
     folder = tmp_path / "row"
     with (folder / "capacity.csv").open() as file:

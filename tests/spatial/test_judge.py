@@ -43,7 +43,7 @@ def column():
     return tables, limit_load(Scene.from_tables(tables, Path(".")))
 
 
-@pytest.mark.parametrize("seed", some([6, 11, 12, 13, 14, 15, 18, 33, 59, 62, 74, 78], 3))
+@pytest.mark.parametrize("seed", some([6, 11, 12, 13, 14, 15, 18, 33, 59, 62, 74, 78], 6))
 def test_random_structures_are_judged_right(seed):
     found, _ = judge(structure(seed))
     assert {name: (one.wrong, one.none) for name, one in found.items()} == dict.fromkeys(

@@ -6,6 +6,7 @@ import json
 import math
 import tomllib
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.sweeps.sweep import sweep
 from fenics_contact.workers import Processes
 from tests import second_solver
-from tests.quick import each_once
+from tests.quick import each_once, slow_rows
 
 #: A block of 1 m x 1 m x 2 m on rigid ground, pushed along x.
 BLOCK = """
@@ -197,7 +198,11 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize(("name", "quick"), each_once([*SCENES], [True, False]))
+@pytest.mark.parametrize(
+    ("name", "quick"),
+    each_once(["wall", "corner", "vault"], [True, False])
+    + slow_rows(*product(["cross vault", "dome"], [True, False])),
+)
 def test_gap_by_a_second_solver(name, quick):
     """With the friction of the state, and associated with it, another solver finds the limit."""
     scene = scene_of(SCENES[name](), 0.7, (0.8, 0.6, 0.0), quick=quick, gap=1e-3)

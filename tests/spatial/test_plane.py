@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -58,6 +59,11 @@ def wall_of(name, mirrored=False, direction="positive"):
     )
 
 
+@cache
+def bare_wall(name):
+    return rigid.limit_load(wall_of(name))
+
+
 def test_a_block_slides_tilts_and_crushes(tmp_path):
     """F; w / h; and (w - N / f_c) / h, J. Heyman, The masonry arch (1982), section 2.4."""
     assert factor_of(tmp_path) == pytest.approx(0.3, rel=1e-6)
@@ -104,7 +110,7 @@ def test_forces_tractions_floors_and_profiles(tmp_path):
 @pytest.mark.parametrize("name", quick(WALLS, "W3"))
 def test_walls_end_as_with_a_mesh(name):
     """The rigid end is the same; the state is that of faces' springs, not of elastic blocks."""
-    bare = rigid.limit_load(wall_of(name))
+    bare = bare_wall(name)
     meshed = limit_load(wall_recipe(name, coulomb(0.65)).scene(2))
     assert bare.ends["positive"].bounds.upper == pytest.approx(meshed.bounds.upper, rel=1e-5)
     assert bare.load_factor == pytest.approx(meshed.load_factor, rel=5e-3)
@@ -115,7 +121,7 @@ def test_walls_end_as_with_a_mesh(name):
 
 
 def test_mirrored_walls_mirror():
-    one = rigid.limit_load(wall_of("W3")).load_factor
+    one = bare_wall("W3").load_factor
     other = rigid.limit_load(
         wall_of("W3", mirrored=True, direction="negative")
     ).load_factor_negative

@@ -21,7 +21,7 @@ from tests.quick import some
 FIGURES = figures()
 
 
-@pytest.mark.parametrize("name", some(list(FIGURES), 2))
+@pytest.mark.parametrize("name", some(list(FIGURES), 3))
 def test_public_case(name):
     figure = FIGURES[name]()
     assert figure.passed, figure.row()

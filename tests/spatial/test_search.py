@@ -108,7 +108,7 @@ def leaning(count):
     return blocks
 
 
-@pytest.mark.parametrize("part", [0.3, 1.0, *slow(0.999)])
+@pytest.mark.parametrize("part", [1.0, *slow(0.3, 0.999)])
 def test_dilatancy_ends_in_a_limit(part):
     """Where slip opens as much as friction is, nothing lies between state and upper end."""
     friction = 0.35

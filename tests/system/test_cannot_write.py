@@ -145,7 +145,7 @@ def test_earlier_result_stays_where_a_new_one_cannot_be_written(tmp_path, capsys
     ("arguments", "target"),
     [
         (["report", "disk/scene"], "disk/scene/report.html"),
-        (["mesh", "disk/wall.dxf"], "disk/wall.msh"),
+        pytest.param(["mesh", "disk/wall.dxf"], "disk/wall.msh", marks=pytest.mark.slow),
         (["sweep", "given/scene.toml", "--vary", "title=a,b", "-o", "disk/out"], "disk/out"),
         *(
             pytest.param(arguments, arguments[-1], marks=pytest.mark.slow)

@@ -279,7 +279,7 @@ def test_table_of_other_columns_is_kept(again, tmp_path, capsys):
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "latin-1", "utf-16", "cp037"])
 def test_table_in_another_encoding(encoding, tmp_path, capsys):
     """With a mark at its beginning, as spreadsheets save UTF-8, it is read; others are named."""
-    write_scene(tmp_path, {"title": "A"})
+    write_scene(tmp_path, FAST | {"title": "A"})
     vary = ["--vary", 'title="\u00e4","\u00f6"']
     line = ["sweep", tmp_path / "scene.toml", *vary, "-o", tmp_path / "out"]
     assert run_here(line, capsys).code == 0

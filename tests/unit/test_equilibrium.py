@@ -136,7 +136,7 @@ NARROWED = [(0.0, 0.0), (1.0, 0.0), (0.9, 0.5), (0.1, 0.5)]
         pytest.param([LOW], 0.5, (0.0, 9.81), id="lifted"),
         pytest.param([LOW], 0.2, (9.81, 0.0), id="pushed", marks=pytest.mark.slow),
         pytest.param([LOW], 0.9, (0.0, -9.81), id="weighed down", marks=pytest.mark.slow),
-        pytest.param([LOW, HIGH], 0.6, (9.81, 0.0), id="two blocks"),
+        pytest.param([LOW, HIGH], 0.6, (9.81, 0.0), id="two blocks", marks=pytest.mark.slow),
         pytest.param([WIDE], 0.3, (-9.81, 3.0), id="pushed up", marks=pytest.mark.slow),
         pytest.param(
             [NARROWED], 0.5, (9.81, 0.0), id="under leaning walls", marks=pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 
 from fenics_contact.geometry.gmsh_mesh import GmshContents, gmsh_session, read, text_contents
 from fenics_contact.meshing import arch, buttress, running_bond, wall
+from tests.quick import slow, some
 
 DRAWN = {
     "wall with an opening": lambda: wall([[1.0, -1.0, 1.0], [1.5, 1.5]]),
@@ -52,20 +53,20 @@ def assert_same(found: GmshContents | None, expected: GmshContents) -> None:
         assert mine.dtype == theirs.dtype
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", some([*DRAWN], 2))
 def test_is_read_as_gmsh_reads_it(name, tmp_path):
     path = written(tmp_path / "drawn.msh", DRAWN[name])
     assert_same(text_contents(path), read(path))
 
 
-@pytest.mark.parametrize("everything", [0.0, 1.0])
+@pytest.mark.parametrize("everything", [1.0, *slow(0.0)])
 def test_groups_without_names_and_reversed_edges(everything, tmp_path):
     path = written(tmp_path / "drawn.msh", rectangles, SaveAll=everything)
     assert_same(text_contents(path), read(path))
 
 
 @pytest.mark.parametrize(
-    "options", [{"Binary": 1.0}, {"MshFileVersion": 2.2}, {"ElementOrder": 2.0}]
+    "options", [{"Binary": 1.0}, *slow({"MshFileVersion": 2.2}, {"ElementOrder": 2.0})]
 )
 def test_other_formats_are_left_to_gmsh(options, tmp_path):
     path = written(tmp_path / "drawn.msh", rectangles, **options)

@@ -39,7 +39,7 @@ def go_on():
     pass
 
 
-@pytest.mark.parametrize("make", [InPlace, lambda: Processes(1), lambda: Processes(2)])
+@pytest.mark.parametrize("make", [InPlace, lambda: Processes(2)])
 def test_a_task_has_its_result_or_what_it_raised(make):
     with make() as executor:
         quotients = [executor.submit(divmod, 7, n) for n in (2, 3, 0)]
