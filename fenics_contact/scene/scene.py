@@ -92,6 +92,8 @@ GRAVITY = 9.81
 MOST_FRICTION = 1e12
 #: Largest height of soil and water, m, also in map coordinates.
 HIGHEST = 1e9
+LEVEL = within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m")
+ANGLE = rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees")
 
 
 def function_name(function: Callable[..., Any] | None) -> str:
@@ -161,7 +163,7 @@ class JointLaw(Checked):
     cohesion: float = ruled(NOT_NEGATIVE, 0.0)
     compressive_strength: float | None = ruled(STRENGTH, None)
     gap: float = ruled(NOT_NEGATIVE, 0.0)
-    dilatancy: float = ruled(rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
+    dilatancy: float = ruled(ANGLE, 0.0)
     tensile_strength: float = ruled(NOT_NEGATIVE, 0.0)
     opened: str = one_of("kept", "lost")
     glued: bool = False
@@ -269,7 +271,7 @@ class EarthPressure(Checked):
             the edge down.
     """
 
-    level: float = ruled(within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    level: float = ruled(LEVEL)
     unit_weight: float = ruled(NOT_NEGATIVE)
     coefficient: float = ruled(NOT_NEGATIVE, 1.0)
     surcharge: float = ruled(NOT_NEGATIVE, 0.0)
@@ -411,14 +413,10 @@ class Soil(Checked):
     """
 
     at: str
-    level: float = ruled(within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    level: float = ruled(LEVEL)
     unit_weight: float = ruled(NOT_NEGATIVE)
-    friction_angle: float | None = ruled(
-        rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), None
-    )
-    wall_friction: float = ruled(
-        rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0
-    )
+    friction_angle: float | None = ruled(ANGLE, None)
+    wall_friction: float = ruled(ANGLE, 0.0)
     surcharge: float = ruled(NOT_NEGATIVE, 0.0)
     active: float | None = ruled(NOT_NEGATIVE, None)
     passive: float | None = ruled(NOT_NEGATIVE, None)

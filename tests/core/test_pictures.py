@@ -24,7 +24,7 @@ from fenics_contact.output.plotting import (
 )
 from fenics_contact.output.view import View, block_view, view_of
 from fenics_contact.results.bounds import LimitBounds
-from fenics_contact.scene import EdgeForce
+from fenics_contact.scene.scene import EdgeForce
 from fenics_contact.scene.units import rounded_alike
 from tests.helpers import PUSH, WEIGHT, on_ground, rectangle
 

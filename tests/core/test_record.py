@@ -16,7 +16,7 @@ from fenics_contact.collapse.strategy import (
 )
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
-from fenics_contact.scene import SolveOptions
+from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import coulomb, wall_recipe

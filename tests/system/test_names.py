@@ -14,7 +14,7 @@ from fenics_contact.meshing import polygons
 from fenics_contact.output import figures as output_figures
 from fenics_contact.output.plotting import draw_scene
 from fenics_contact.output.view import view_of
-from fenics_contact.scene import EdgeForce
+from fenics_contact.scene.scene import EdgeForce
 from fenics_contact.sweeps.points import Parameter, Point, grid
 from fenics_contact.sweeps.sweep import draw_sweep
 from tests.drawing import rectangle
