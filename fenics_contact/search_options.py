@@ -25,7 +25,7 @@ class SearchOptions:
     #: Works at most that are tried in vain.
     works: int = 3
     #: Steps, or iterations, without progress at which a method has lost its way; and to get close
-    #: to a path.
+    #: to a path; halvings of an interval of points.
     no_progress: int = 6
     #: A decade: from one work, size of products, or rho of joint forces, to the next; by which
     #: steps and sweeps should contract; how near to growth without limit load factors are
@@ -72,8 +72,6 @@ class SearchOptions:
     resting_steps: int = 3
     #: Products that are aimed at, at least, in units of the tolerance.
     least_products: float = 1e-2
-    #: Length up to which a step is replaced by one to equal products.
-    short_step: float = 0.1
     #: Weights of the corrector that are tried.
     corrector_weights: int = 9
 
@@ -87,8 +85,6 @@ class SearchOptions:
     path_aimed: float = 2.0
     #: Length of s at least on either side of where the path is reached.
     path_room: float = 1e-4
-    #: Distance from the path that may be left at its end, relative to p and q.
-    path_close: float = 0.1
     #: By how much less far from the laws a step leads that is made again.
     path_shorter: float = 0.3
     #: Least such distance, in units of the usual one: random 85 and 283 end elsewhere without it.
@@ -104,8 +100,6 @@ class SearchOptions:
     allowed_distance: float = 0.3
     #: What is left of the equations of chosen points, relative to p and q.
     points_solved: float = 3e-2
-    #: Times that the interval is halved in which more points begin to bend than may be chosen.
-    bisections: int = 6
 
     # ---- block modes and factors (solvers/block_modes, solvers/joint_stiffness)
     #: c of the indentation of blocks: a fit to bricks of 6 to 561 nodes, linear triangles; within a
@@ -129,12 +123,9 @@ class SearchOptions:
     #: Motions above which blocks are many, and convex programs come first: 3 300 blocks in the
     #: plane, 1 700 in space. Coulomb's law in an elastic state takes steps of a tenth there.
     many_motions: int = 10_000
-    #: `interior_steps`, `face_stale`, `no_progress` and `face_short`: these programs go on after
-    #: runs of single steps of a twentieth.
-    many_steps: int = 150
-    many_stale: int = 40
-    many_short_steps: int = 20
-    many_short: float = 0.05
+    #: `interior_steps`, `face_stale` and `no_progress` are so many times as large, and `face_short`
+    #: as small: these programs go on after runs of single steps of a twentieth.
+    many_patience: int = 3
 
     # ---- search for a limit by face forces (faces/limit, faces/certificate)
     #: Relative gap of a state that counts as one at all; how far, relative, the load factor may
@@ -153,16 +144,10 @@ class SearchOptions:
     # ---- loading path by face forces (faces/follow)
     #: Work at its end, in units of that of a typical live load on closed faces: plateaus are wide.
     follow_works: float = 1e4
-    #: Work in the same units from which on a path that is lost may be near a collapse.
-    follow_near: float = 100.0
     #: Factorisations of one way at most from `large_wall` blocks on; below, `collapse_cost`.
     follow_large_effort: int = 250
-    #: Halvings beside the highest state of a path.
-    summit_steps: int = 4
     #: Part of the pressing forces under the dead load with which the bound of "half" begins.
     little_friction: float = 0.3
-    #: Places that the path goes back where it is lost, to go on in short steps.
-    follow_back: int = 5
     #: Longest step, in relative changes of p and q; what is left of one that leads to nothing.
     follow_longest: float = 1.5
     follow_shorter: float = 0.4

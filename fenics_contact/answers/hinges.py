@@ -363,7 +363,7 @@ def _next_to(task: Task, kkt: PerturbedKKT, soft: SoftHinges, last: _Known) -> S
     give = replace(kkt.scales, displacement=SEARCH.hinge_give * kkt.scales.displacement)
     path = falling(replace(kkt, scales=give), options=SETTLING)
     mu = task.mu(SEARCH.rising_products)
-    point = path.settled(path.begin(start, mu / SEARCH.hinge_give), SEARCH.path_close)
+    point = path.settled(path.begin(start, mu / SEARCH.hinge_give), SEARCH.decade)
     if path.distance(point) > SEARCH.allowed_distance:
         raise SolverError("joints do not settle next to the state")
     return solve_interior_point(kkt, point.state, mu, EXACT, FINISHING)

@@ -32,8 +32,6 @@ from fenics_contact.solvers.problem import ContactProblem, SparseMap, State
 
 #: Phase of the record, as of the path: its points are those of block modes.
 ON_THE_WAY = "block modes, rising work"
-#: Compliance of joint points, over that of a node: closed ones are springs that keep their digits.
-SOFT = 1e-4
 #: Products with which the structure is taken up, smaller ones first.
 TAKEN_UP = (1e-3, 1e-2, 1e-1)
 
@@ -47,7 +45,7 @@ def points_model(problem: ContactProblem) -> FaceModel:
     order = np.arange(2 * count).reshape(2, count).T.ravel()
     motion = vstack([_whole(problem.normal), _whole(problem.tangential)]).tocsr()[order]
     stiffness = _whole(problem.stiffness)
-    soft = SOFT / stiffness.diagonal().mean()
+    soft = SEARCH.slight / stiffness.diagonal().mean()  # closed joints keep their digits
     return FaceModel(
         motion,
         1,
@@ -115,7 +113,7 @@ def _taken_up(model: FaceModel, start: FaceIterate, task: Task) -> FaceIterate:
     for products in TAKEN_UP:
         with np.errstate(all="ignore"):
             path = FacePath(
-                model, equations, Way(products, least=0.03), SEARCH.collapse_cost, count
+                model, equations, Way(products, short=0.03), SEARCH.collapse_cost, count
             )
             try:
                 at = path.beside(start)

@@ -333,7 +333,7 @@ class FacePath:
     def _sizes(self, units: Array) -> Array:
         """Lengths of p and q, in which changes of them are told."""
         count = self._model.pressing
-        least = max(3.0 * np.sqrt(self.law.small), self._way.least)
+        least = max(3.0 * np.sqrt(self.law.small), self._way.short)
         shear = np.linalg.norm(units[:, count:], axis=1)[:, None] + least
         sizes = [np.abs(units[:, :count]) + least, *([shear] * self._model.shears)]
         return np.hstack(sizes)
@@ -358,7 +358,7 @@ class FacePath:
         raise SolverError("Newton's method does not settle")
 
     def start(self) -> Place:
-        """The state at rest under the dead load, or beside the bonded response of some work."""
+        """The state at rest under the dead load."""
         model = self._model
         force = np.zeros(model.shape)
         pressed = self._response.dead_force[:, : model.pressing]
@@ -368,12 +368,8 @@ class FacePath:
             most = (0.125 / np.where(model.kappa > 0.0, model.kappa, TINY))[:, None]
             beyond = model.kappa * model.normal(force) > 0.25
             force[:, : model.pressing] = np.where(beyond[:, None], most, force[:, : model.pressing])
-        units = self.law.at(force)
-        work = self._way.work
-        if work is None:
-            return self._corrected(Place(units, np.zeros_like(model.live), 0.0), None, 60)
-        motion = work * self.unit / self._response.work * self._response.live
-        return self._corrected(Place(units, motion, 0.0), work * self.unit, 100, 0.1)
+        at = Place(self.law.at(force), np.zeros_like(model.live), 0.0)
+        return self._corrected(at, None, 60)
 
     def beside(self, other: FaceIterate) -> Place:
         """The place of the same work next to a state of other blocks with the same units."""
@@ -438,12 +434,12 @@ class FacePath:
             SolverError: If it comes to no end.
         """
         way = self._way
-        self._way = replace(way, least=0.3 * way.least)
+        self._way = replace(way, short=0.3 * way.short)
         places = self.places = [self.start()]
         before: Array | None = None
         lost = ""
         for part, length in ((1.0, 0.3), (0.3, 0.1)):
-            self._way = replace(way, least=part * way.least, close=part * way.close)
+            self._way = replace(way, short=part * way.short)
             try:
                 for place in self.points(places[-1], works, length, before):
                     places.append(place)
@@ -454,7 +450,7 @@ class FacePath:
             else:
                 return places
             self.places = max(self.places, places, key=lambda some: self.work(some[-1]))
-            places = places[: max(1, len(places) - SEARCH.follow_back + 1)]
+            places = places[: max(1, len(places) - SEARCH.no_progress + 1)]
             before = places[-1].units - places[-2].units if len(places) > 1 else None
         raise SolverError(lost)
 
@@ -475,7 +471,7 @@ class FacePath:
                 break
             at = at.plus(step)
             last = length
-            if length < self._way.close:
+            if length < self._way.short:
                 return at, tangent, sign, rounds
         raise SolverError("the path is not near")
 
@@ -544,20 +540,17 @@ class Way:
 
     Attributes:
         products: mu in units of f and the typical displacement.
-        work: The bonded response of so many units of work is the start; None: the dead load.
-        least: Length of p and q, over f, to which changes are relative at least.
-        close: Length of the last correction.
+        short: Length of p and q, over f, to which changes are relative at least; and length of
+            the last correction.
     """
 
     products: float
-    work: float | None = None
-    least: float = 0.1
-    close: float = 0.1
+    short: float = 0.1
 
 
-#: Ways, the usual one first. Larger products, short steps and another start lead to an end where it
-#: does not, but a path with them takes another branch now and then.
-WAYS = (Way(1e-3), Way(1e-2), Way(1e-2, least=0.03, close=0.03), Way(1e-3, 1.0))
+#: Ways, the usual one first. Larger products and short steps lead to an end where it does not, but
+#: a path with them takes another branch now and then.
+WAYS = (Way(1e-3), Way(1e-2), Way(1e-2, short=0.03))
 #: Those of walls of `SEARCH.large_wall` blocks and more.
 LARGE_WAYS = (Way(1e-2), Way(1e-3))
 
@@ -616,7 +609,7 @@ class Followed:
         works = [middle]
         if low < middle < high:
             works += [0.5 * (low + middle), 0.5 * (middle + high)]
-        for _ in range(SEARCH.summit_steps):
+        for _ in range(SEARCH.works):
             for work in works:
                 with suppress(SolverError):
                     found = self.state(work)
@@ -665,7 +658,7 @@ def followed(
 ) -> Followed:
     """The loading path of a model to its end, in the first way that leads there.
 
-    Where none does, it ends where the one that came furthest is lost, if that is near a collapse.
+    Where none does, it ends where the one that came furthest is lost.
 
     Args:
         model: Its live load is not zero.
@@ -693,7 +686,7 @@ def followed(
                 return Followed(path, places, end)
         except SolverError as error:
             reasons.append(str(error))
-        if path.reached > max(SEARCH.follow_near, furthest.reached if furthest else 0.0):
+        if path.reached > (furthest.reached if furthest else 0.0):
             furthest = path
         if large and furthest:
             break

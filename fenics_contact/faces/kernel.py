@@ -198,13 +198,14 @@ def solve(
 
 def _patient(options: SearchOptions) -> SearchOptions:
     """Options for many blocks: products are smaller, forces range wider, single steps are short."""
+    patience = options.many_patience
     return replace(
         options,
         regularization=min(options.regularization, options.digits),
-        interior_steps=options.many_steps,
-        face_stale=options.many_stale,
-        no_progress=options.many_short_steps,
-        face_short=options.many_short,
+        interior_steps=patience * options.interior_steps,
+        face_stale=patience * options.face_stale,
+        no_progress=patience * options.no_progress,
+        face_short=options.face_short / patience,
     )
 
 

@@ -145,7 +145,7 @@ class Continuation:
         for step in itertools.count():
             progress = self._progress(point)
             if progress >= goal - 0.5 * options.small_factor:
-                yield self.settled(point, options.path_close)
+                yield self.settled(point, options.decade)
                 return
             if progress >= best + np.log(2.0):
                 best = progress

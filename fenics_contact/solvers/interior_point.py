@@ -169,7 +169,7 @@ def next_iterate(kkt: PerturbedKKT, now: Iterate, residual: Residual, least: flo
     longest = int(np.argmax(lengths))
     length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
-    if length < SEARCH.short_step:
+    if length < SEARCH.decade:
         (step,) = linear.directions([(residual, here / kkt.count - products)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None])[0])
     return now.moved(min(1.0, SEARCH.step_fraction * length), step)

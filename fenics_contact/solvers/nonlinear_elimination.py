@@ -222,7 +222,7 @@ class NonlinearElimination:
             low = 1e-5
             high = 1.0
             first = np.zeros_like(found)
-            for _ in range(SEARCH.bisections):
+            for _ in range(SEARCH.no_progress):
                 middle = float(np.sqrt(low * high))
                 tried = distances(middle)
                 if self._too_many(tried):
