@@ -7,6 +7,7 @@ digits that it has when everything is done here. No worker waits by spinning.
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import pickle
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 _log = logging.getLogger("fenics_contact")
+
+#: Linux's name for "send me a signal when my parent has ended".
+PARENT_DEATH_SIGNAL = 1
 
 #: Signals that end a run early, with what is known by then.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
@@ -144,8 +148,7 @@ class Processes(Executor):
         self._busy: set[subprocess.Popen[bytes]] = set()
         for _ in range(count):
             read, write = os.pipe()  # what a task prints is no answer
-            ends = "from fenics_contact.solvers.highs import end_with_parent; end_with_parent()"
-            program = f"{ends}; from {__name__} import answer; answer({write})"
+            program = f"from {__name__} import answer; answer({write})"
             # A worker that still begins is not killed by a signal that asks it to end its task.
             before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
             worker = subprocess.Popen(
@@ -265,8 +268,15 @@ def last_result_of(future: Future[Any], beside: Executor) -> Any:
     return None
 
 
+def end_with_parent() -> None:
+    """Let this process be killed when the one that started it has ended, on Linux."""
+    with suppress(AttributeError, OSError):  # elsewhere
+        ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
+
+
 def answer(answers: int) -> None:
     """Do tasks that come by standard input, and answer by an open file, in a worker's process."""
+    end_with_parent()
     import_module("fenics_contact.limit_load")  # what most tasks need
     with (
         os.fdopen(os.dup(0), "rb") as tasks,

@@ -58,7 +58,6 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.bounds import meet
 from fenics_contact.search_options import SEARCH
-from fenics_contact.solvers.highs import solved
 from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
@@ -80,21 +79,16 @@ class LinearProgram:
     right: Array
     ends: Array
 
-    def arguments(self, method: str, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
-        """Arguments of scipy's `linprog`."""
-        names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-        steps = SEARCH.program_iterations * sum(self.columns.shape)
-        options = (
-            dict.fromkeys(names, SEARCH.decade * SEARCH.digits)
-            | {"maxiter": steps}
-            | (options or {})
-        )
-        equations = self.columns, self.right
-        return self.cost, None, None, *equations, self.ends, method, None, options
-
     def answer(self, method: str, options: dict[str, Any] | None = None) -> Any:
         """HiGHS' answer with the least cost; its status is 0 where it has one."""
-        return solved(*self.arguments(method, options))
+        from scipy.optimize import linprog
+
+        names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
+        steps = SEARCH.program_iterations * sum(self.columns.shape)
+        exact = dict.fromkeys(names, SEARCH.decade * SEARCH.digits)
+        options = exact | {"maxiter": steps} | (options or {})
+        equations = self.columns, self.right
+        return linprog(self.cost, None, None, *equations, self.ends, method, None, options)
 
     def least_missing(self) -> tuple[float, Array, Array]:
         """Least sum of forces missing to the equilibrium, its multipliers, and unknowns.
@@ -166,7 +160,7 @@ class BlockModel:
 
     @property
     def is_large(self) -> bool:
-        """Whether a program takes longer than to start a process for it."""
+        """Whether HiGHS takes a second or more for a program, and the kernel is asked first."""
         return bool(self.forces.shape[1] > SEARCH.large_program)
 
     @property
