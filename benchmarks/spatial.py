@@ -30,11 +30,11 @@ from benchmarks.scenes import matching
 from benchmarks.worker import HOME, save
 from fenics_contact.errors import Stopped
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial import builders
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.result import SpatialCollapse
 from tests.bank import WALLS
 from tests.spatial.bank import Array, Pushed, barrel, extruded, towards
 
@@ -403,7 +403,7 @@ def no_limit(model: FaceModel) -> str:
     return "unbounded" if said == "DualInfeasible" else ""
 
 
-def recomputed(model: FaceModel, found: SpatialCollapse) -> str:
+def recomputed(model: FaceModel, found: Collapse) -> str:
     """What Clarabel says of a certificate: "right", or what is wrong."""
     force, least = found.force, found.load_factor
     assert force is not None

@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,16 +16,10 @@ import numpy as np
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import floor_strips
-from fenics_contact.results.bounds import WITHOUT_PATH, LimitBounds, counted
+from fenics_contact.results.bounds import LimitBounds, counted
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Result, skipped
-from fenics_contact.results.values import (
-    NamedArrays,
-    SoilForce,
-    TieState,
-    soil_forces,
-    tie_arrays,
-)
+from fenics_contact.results.result import NOT_KNOWN, Answer, ByDirection, Collapse, skipped
+from fenics_contact.results.values import soil_forces
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.scene import JointLaw, Movement, Tie
 from fenics_contact.scene.units import Units
@@ -182,7 +176,7 @@ class SweepProgress:
 TRIED = re.compile(" search |no state|the path |allowed")
 
 
-def summary(result: Result, verbose: bool = False) -> str:
+def summary(result: ByDirection, verbose: bool = False) -> str:
     """What was found, in some five lines; with all that is known of it, if that is wished."""
     found, more = answer(result, result.wording)
     lines = [*found, *more]
@@ -191,13 +185,13 @@ def summary(result: Result, verbose: bool = False) -> str:
     return "\n".join(lines)
 
 
-def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
+def answer(result: ByDirection, words: Wording) -> tuple[list[str], list[str]]:
     """What was found, in lines for everybody.
 
     Returns:
         The collapse, or why none is known; other states, ranges, and what else was asked.
     """
-    if result.status == "unstable":
+    if not result.ends:
         return [state_in_words("unstable", DEAD, result.reason(), proved=True)], []
     limits = result.limits
     amounts: dict[str, list[str]] = {}
@@ -215,20 +209,8 @@ def answer(result: Result, words: Wording) -> tuple[list[str], list[str]]:
         answers = [line for answer in end.told for line in answer.lines(end, words)]
         mine = [line for line in answers if not line.verbose]
         mine += _bracket(end, words, alone=not any(line.states for line in mine))
-        ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
-        soils = soil_lines(soil_forces(result.layout, end.joints), words.units)
-        told += [(name, line) for line in (*mine, *ties, *soils)]
-    more = words.together(told, limits)
-    if (curve := result.curve_end) and (curve.not_found or not curve.on_plateau):
-        more.append(str(curve))
-    more += _accuracy(result)[-1:]
-    more += [
-        f"warning: {text}"
-        for end in limits.values()
-        for text in (end.pressed, end.contradiction)
-        if text
-    ]
-    return found, more
+        told += [(name, line) for line in (*mine, *result.own_lines(end, words))]
+    return found, words.together(told, limits) + result.remarks
 
 
 def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -> str:
@@ -237,11 +219,14 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
     if end.status == "unbounded":
         first, _, blocks = reason.partition(": ")
         return f"{first}{way}: {blocks}"
+    at = f"at {words.at(end.given)}" if end.given else DEAD
+    if end.given is not None and end.status != "no_equilibrium":
+        return state_in_words(end.status, at, reason, proved=True)
     clauses = [part for part in reason.split("; ") if part != NOT_KNOWN and not TRIED.search(part)]
     because = "; ".join(part for part in clauses if not part.startswith("try "))
     because += ": " if because else ""
     if end.status == "no_equilibrium":
-        return f"{because}{state_in_words(end.status, DEAD, '', proved=False)}"
+        return f"{because}{state_in_words(end.status, at, '', proved=False)}"
     parts = [f"{because}no collapse was found{way}"]
     known = end.bounds.lower, end.bounds.upper
     if not end.changes_blocks and any(one is not None and math.isfinite(one) for one in known):
@@ -275,74 +260,50 @@ def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
         yield Line("nothing carries more than", f"{most}{times}", states=True)
 
 
-def _accuracy(result: Result) -> list[str]:
-    """What was found on the way to the accuracy wished, and whether it was reached."""
-    lines = []
-    for one in result.passes:
-        hinges = ", point hinges" if one.hinges == "points" else ""
-        estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
-        lines.append(
-            f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
-            f" load factor {one.load_factor:.6g}, error {estimate}"
-        )
-    if result.inaccurate:
-        lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
-    return lines
-
-
-def _details(result: Result, words: Wording) -> list[str]:
+def _details(result: ByDirection, words: Wording) -> list[str]:
     """Brackets, residuals, what is not known and why, what was skipped, work and time."""
     lines = []
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), words)
         if end.status != "limit":
-            ties = tension_lines(tie_arrays(result.layout, end.joints), words.units)
-            lines += words.merged([(direction, line) for line in ties], [direction])
-    lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
-    lines += [str(result.curve_end)] if result.curve_end else []
-    lines += _accuracy(result)[:-1]
-    lines += [f"skipped: {item}" for item in result.skipped]
-    seconds = result.seconds
-    lines.append(f"{result.factorizations} factorisations, {seconds['total']:.2f} s")
+            ties = [(direction, line) for line in result.own_lines(end, words)]
+            lines += words.merged(ties, [direction])
+        lines += [
+            f"tried: {one.name}: {one.outcome}, {counted(one.factorizations, 'factorisation')}"
+            for one in end.attempts
+        ]
+    total = result.seconds.get("total", 0.0)
+    work = counted(result.factorizations, "factorisation")
+    return [*lines, *result.details, f"{work}, {total:.2f} s"]
+
+
+def state_lines(
+    status: str, load_factor: float, reason: str, residuals: Mapping[str, float]
+) -> list[str]:
+    """A state at a given load factor, and its verification."""
+    because = f": {reason}" if reason else ""
+    lines = [f"{status.replace('_', ' ')} at load factor {load_factor:.8g}{because}"]
+    if status == "equilibrium":
+        found = ", ".join(f"{name} {value + 0.0:.0e}" for name, value in residuals.items())
+        lines.append(f"verified: {found}")
     return lines
-
-
-def tension_lines(ties: NamedArrays, units: Units) -> list[Line]:
-    """Forces of ties, one by one."""
-    if "state" not in ties:
-        return []
-    texts = []
-    for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
-        carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
-        texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
-    return [Line("ties:", ", ".join(texts))]
-
-
-def soil_lines(soils: Sequence[SoilForce], units: Units) -> list[Line]:
-    """What soils press with, one by one."""
-    texts = [
-        f"{one.name} {units.force(one.force, 4)} ({one.state}, from {units.force(one.active, 4)} to"
-        f" {units.force(one.passive, 4)})"
-        for one in soils
-        if one.state
-    ]
-    return [Line("soil:", ", ".join(texts))] if texts else []
 
 
 def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
+    if end.given is not None:
+        return state_lines(end.status, end.given, reason, end.residuals)
     status = end.status.replace("_", " ")
     listed = reason.replace("; ", "\n  ")  # what was tried in lines of their own
-    found = end.state is not None and not np.isnan(end.load_factor)
-    if end.certificate is None or not found or end.status == "no_equilibrium":
+    certificate = end.certificate
+    if certificate is None or np.isnan(end.load_factor) or end.status == "no_equilibrium":
         known = end.bounds.lower is not None or end.bounds.upper is not None
         bracket = [f"bracket: {end.bounds}, whatever was found"] if known else []
         return [f"{name}: {status}, {listed}", *bracket]
     first = f"{name} = {end.load_factor:.8g}   bracket: {end.bounds}"
-    certificate = end.certificate
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {listed}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))

@@ -21,7 +21,7 @@ from fenics_contact.collapse.service_state import (
     without_equilibrium,
 )
 from fenics_contact.collapse.strategy import strategy_of
-from fenics_contact.console import soil_lines, tension_lines
+from fenics_contact.console import state_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import turn_in
@@ -40,6 +40,8 @@ from fenics_contact.results.values import (
     falling_blocks,
     joint_arrays,
     soil_forces,
+    soil_lines,
+    tension_lines,
     tie_arrays,
 )
 from fenics_contact.results.wording import DEAD, state_in_words, wording_of
@@ -116,12 +118,8 @@ class Equilibrium(ServiceState, Pictured):
             lines += words.merged([("", line) for line in held], [""])
         if not verbose:
             return "\n".join(lines)
-        status = self.status.replace("_", " ")
-        because = f": {self.reason}" if self.reason else ""
-        lines += ["", f"{status} at load factor {self.load_factor:.8g}{because}"]
+        lines += ["", *state_lines(self.status, self.load_factor, self.reason, self.residuals)]
         if self.status == "equilibrium":
-            found = ", ".join(f"{name} {value + 0.0:.0e}" for name, value in self.residuals.items())
-            lines.append(f"verified: {found}")
             lines += [BY_FACES] if self.engine == "faces" else []
         if self.joint_values is not None:
             state = self.joints["state"]

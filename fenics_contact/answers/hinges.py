@@ -107,9 +107,13 @@ class HingesAnswer(Asked):
     begins = "estimate of the error"
     option = "error by the mesh estimated"
     by_default = "yes, within a limit of work"
-    of_path = True
     #: With other hinges other points tear; slip that is measured from the step before is no data.
     unless = ((Question.loses_strength, ""), (_by_load_steps, ""))
+
+    @property
+    def of_path(self) -> bool:
+        """Always: joint faces have no mesh."""
+        return True
 
     @classmethod
     def not_known(cls, reason: str) -> Self:

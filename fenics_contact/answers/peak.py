@@ -101,13 +101,18 @@ class PeakAnswer(Asked):
     begins = "peak of the loading path"
     option = "peak of the loading path looked for"
     by_default = "yes, within a limit of work"
-    of_path = of_curve = True
+    of_curve = True
     unless = (
         (Question.by_faces, NO_PATH),
         (Question.loses_strength, TEARS),
         (lambda question: _unforced(question) and question.options.fast, FAST),
         (lambda question: _unforced(question) and question.options.peak is False, NOT_ASKED),
     )
+
+    @property
+    def of_path(self) -> bool:
+        """Unless a path was followed."""
+        return self.value.status == "not_known"
 
     @classmethod
     def is_asked(cls, options: SolveOptions) -> bool:

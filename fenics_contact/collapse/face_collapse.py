@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, joint_values
-from fenics_contact.collapse.reasons import missed
 from fenics_contact.discretization.layout import PlaceAtStrength
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
@@ -184,7 +183,7 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
     # The gap is no estimate of an error.
     known = np.nan, None, state.upper, state.load_factor, size, allowed
     certificate = Certificate(residuals, *known)
-    misses = f"with the forces of the search on joint faces the blocks miss {missed(certificate)}"
+    misses = f"with the forces of the search on joint faces the blocks miss {certificate.missed}"
     end = Collapse(
         "limit" if certificate.passed else "not_converged",
         state.load_factor,

@@ -69,21 +69,12 @@ def _reached(end: Collapse, sign: float) -> str:
         return "no state was verified: the one given is the last point of the path"
     state = f"no state was verified: the best one, with load factor {sign * end.load_factor:.6g},"
     if not end.certificate.passed:
-        return f"{state} misses {missed(end.certificate)}"
+        return f"{state} misses {end.certificate.missed}"
     last = end.history[-1]
     if not last.steps:
         return f"{state} did not settle"
     change = f"{last.steps[-1].bound_change:.1e}"
     return f"{state} still changes its friction by {change} after {len(last.steps)} iterations"
-
-
-def missed(certificate: Certificate) -> str:
-    """Residuals above their tolerances, in words."""
-    allowed = certificate.tolerances
-    return ", ".join(
-        f"{name.replace('_', ' ')} ({value:.1e}, allowed {allowed[name]:.0e})"
-        for name, value in certificate.failures.items()
-    )
 
 
 def _cures(whole: Discretization) -> Iterator[str]:

@@ -18,7 +18,6 @@ from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.load_case import LoadCase, Task, joint_values
-from fenics_contact.collapse.reasons import missed
 from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
@@ -159,7 +158,7 @@ class _Search:
                     self.found.append(_Found(verified, history, reached))
                     outcome = "a state, verified"
                     if not self.found[-1].passed:
-                        text = missed(verified.certificate)
+                        text = verified.certificate.missed
                         text = text or "load factor and friction not settled"
                         outcome = f"a state, not verified: {text}"
                     ended(outcome)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.console import answer
@@ -38,8 +39,14 @@ from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.output.view import View, block_view, caption_of, view_of
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.certificate import tolerances
-from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.result import Answer, Collapse, Result, ServiceState, Table
+from fenics_contact.results.result import (
+    Answer,
+    ByDirection,
+    Collapse,
+    Result,
+    ServiceState,
+    Table,
+)
 from fenics_contact.results.values import (
     TieState,
     falling_blocks,
@@ -57,6 +64,20 @@ SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous l
 
 #: What result.json says of `LimitBounds`.
 BRACKET = ("lower", "upper", "frictionless", "meet", "reason")
+
+#: What result.json has of the first direction beside answers, and where there is none.
+FIRST: Mapping[str, Any] = {
+    "attempts": [],
+    "wedged_blocks": [],
+    "falling_blocks": [],
+    "bounds": dict.fromkeys(BRACKET),
+    **dict.fromkeys(("method", "engine", "gap", "error_estimate", "residuals", "tolerances")),
+    **dict.fromkeys(("failures", "static_factor", "kinematic_factor")),
+    "states": [],
+    "ties": [],
+    "soil": [],
+    "iterations": {"fixed_point": 0},
+}
 
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
@@ -106,17 +127,42 @@ def write_result(
     Raises:
         OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
     """
-    start = time.perf_counter()
-    comm = result.scene.comm
-    with filled_at_once(folder, RECORD, comm) as hidden:
+
+    def draw(hidden: Path) -> list[str]:
         lost = _write_fields(result, hidden, hurry, beside or InPlace())
-        left_out = (*lost, *((SKIPPED_FILES,) if hurry() else ()))
+        return [*lost, *([SKIPPED_FILES] if hurry() else [])]
+
+    def record(seconds: Mapping[str, float], lost: list[str]) -> Record:
+        skipped = (*result.skipped, *lost)
+        return result_record(replace(result, skipped=skipped, seconds=seconds))
+
+    write_files(result, folder, result.scene.comm, draw, record)
+
+
+def write_files(
+    result: ByDirection,
+    folder: Path,
+    comm: MPI.Comm,
+    draw: Callable[[Path], list[str]],
+    record: Callable[[Mapping[str, float], list[str]], Record],
+) -> None:
+    """Write files, result.json and the report of a result. Collective.
+
+    Args:
+        result: What is written.
+        folder: Where to.
+        comm: Of the ranks that write.
+        draw: Writes all other files into a folder, and returns what could not be written, and why.
+        record: Content of result.json, from seconds by phase and what could not be written.
+    """
+    start = time.perf_counter()
+    with filled_at_once(folder, RECORD, comm) as hidden:
+        lost = draw(hidden)
         seconds = {**result.seconds, "write": time.perf_counter() - start}
-        result = replace(result, skipped=(*result.skipped, *left_out), seconds=seconds)
-        record = strict(result_record(result))
+        content = strict(record(seconds, lost))
         with writing(comm):
             if comm.rank == 0:
-                _write_record(record, hidden)
+                _write_record(content, hidden)
                 if result.scene.output.report:
                     write_report(hidden)
 
@@ -167,7 +213,7 @@ def _write_fields(
                 write_viewer(blocks, folder)
     with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
-            write_capacity(result, result.capacity, result.collapse, folder)
+            write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", layout, result.capacity)
     return lost
@@ -260,8 +306,9 @@ def _drawing(
         _log.warning("warning: %s", text)
 
 
-def write_capacity(result: Any, points: Sequence[CapacityPoint], end: Any, folder: Path) -> None:
+def write_capacity(result: ByDirection, folder: Path) -> None:
     """The capacity curve to a collapse as a table and as a picture, on this rank."""
+    points, end = result.capacity, result.collapse
     with (folder / "capacity.csv").open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(["displacement_m", "load_factor", "work", "converged"])
@@ -394,71 +441,84 @@ def write_service_state(
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
     scene = result.scene
-    words = replace(result.wording, units=scene.units.of_report)
-    told, more = answer(result, words)
     kinds = Answer.kinds.values()
-    ends = {name: _end_record(result, end) for name, end in result.ends.items()}
-    details = {name: _collapse_record(result, end) for name, end in result.ends.items()}
-    nothing: Record = {"attempts": [], "wedged_blocks": [], "bounds": _record(None, *BRACKET)}
-    first = {**nothing, **next(iter(ends.values()), {})}
+    timed = [kind for kind in kinds if kind.seconds]
+    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
+    pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
+    record = record_of(
+        result,
+        {name: _meshed_record(result, end) for name, end in result.ends.items()},
+        {
+            **origin_record(result.layout),
+            "tilt_angle": scene.tilt_angle(result.load_factor),
+            "tilt_angle_negative": scene.tilt_angle(result.load_factor_negative),
+            "falling_blocks": result.falling.tolist(),
+            "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
+            "ranks": max(result.ranks, scene.comm.size),
+            "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],
+            "skipped": list(result.skipped),
+            "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
+            "control": scene.solve.control,
+            "slip_reference": SLIP_REFERENCES[scene.solve.slip],
+        },
+    )
+    record["iterations"] |= _record(result, "mode_factorizations")
+    return record
+
+
+def record_of(
+    result: ByDirection, details: Mapping[str, Record], more: Mapping[str, Any]
+) -> Record:
+    """Content of result.json: directions, some of the first one at the top, and what was solved.
+
+    Args:
+        result: What was found.
+        details: By direction, what only results of this kind know.
+        more: The same of the whole result.
+    """
+    words = replace(result.wording, units=result.scene.units.of_report)
+    told, remarks = answer(result, words)
+    kinds = Answer.kinds.values()
+    ends = {name: _end_record(result, end) | details[name] for name, end in result.ends.items()}
+    first: Record = next(iter(ends.values()), {})
     record: Record = {
         "status": result.status,
-        "title": scene.title,
-        "answer": {"question": words.question, "found": told, "more": more},
+        "title": result.scene.title,
+        "answer": {"question": words.question, "found": told, "more": remarks},
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        "tilt_angle": scene.tilt_angle(result.load_factor),
-        "tilt_angle_negative": scene.tilt_angle(result.load_factor_negative),
-        **{key: first[key] for key in nothing},
+        **{key: first.get(key, nothing) for key, nothing in FIRST.items()},
+        **{key: first[key] for key in ("continuation", "worst_joint") if key in first},
+        **{kind.key: first.get(kind.key) for kind in kinds},
         "reason": result.reason() or None,
         "stopped": result.stopped or None,
-        "falling_blocks": result.falling.tolist(),
-        **dict.fromkeys(("method", "engine", "gap", "error_estimate", "residuals")),
-        **{kind.key: None for kind in kinds},
-        "ties": [],
-        "soil": [],
         "capacity": vars(result.curve_end) if result.curve_end else None,
-        "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
-        "iterations": {"fixed_point": 0},
-        **next(iter(details.values()), {}),
     }
     for kind in kinds:
         if kind.by_direction:
             found = {name: end.answers.get(kind.name) for name, end in result.limits.items()}
             record[kind.key] = {name: one.record() for name, one in found.items() if one} or None
-    counts = _record(result, "factorizations", "mode_factorizations")
-    record["iterations"] = record["iterations"] | counts
-    directions = {name: ends[name] | details[name] for name in ends}
-    timed = [kind for kind in kinds if kind.seconds]
-    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
-    pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
+    counts = _record(result, "factorizations")
     return record | {
-        **origin_record(result.layout),
-        "ranks": max(result.ranks, scene.comm.size),
-        "directions": directions,
-        "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],
-        "skipped": list(result.skipped),
-        "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
-        "control": scene.solve.control,
-        "slip_reference": SLIP_REFERENCES[scene.solve.slip],
+        "iterations": record["iterations"] | counts,
+        "directions": ends,
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
+        **_made(),
+        **more,
     }
 
 
-def _end_record(result: Result, end: Collapse) -> Record:
-    """What one end of the range of load factors is, and what the blocks do there. Collective."""
-    moves = None
-    if end.mode is not None and end.joints is not None and end.status != "unbounded":
-        view = block_view(result.layout, end.mode, end.joints, end.sign)
-        moves = mechanism_record(view)
+def _end_record(result: ByDirection, end: Collapse) -> Record:
+    """What is known of one end of the range of load factors. Collective."""
     units = result.scene.units.of_report
     answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
     apart = [table for table in answers if table.title and (table.rows or table.note)]
+    # Nothing is proved by the last state of a load that is not limited.
+    certificate = None if end.status == "unbounded" else end.certificate
+    names = "error_estimate", "static_factor", "kinematic_factor", "residuals", "tolerances"
     return {
-        "status": end.status,
-        "load_factor": end.load_factor,
-        "engine": end.engine,
+        **_record(end, "status", "load_factor", "engine"),
         "way": end.way or None,
         "gap": end.as_state.gap,
         "proof": end.proof or None,
@@ -468,61 +528,54 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "rolling": end.rolling or None,
-        "wedged_blocks": result.wedged(end).tolist(),
-        "mechanism": moves,
         "attempts": [dict(vars(trial)) for trial in end.attempts],
         "path": [dict(vars(point)) for point in end.trace],
+        "states": [dict(vars(state)) for state in end.states],
+        **_record(certificate, *names),
+        "failures": sorted(certificate.failures) if certificate else [],
+        "ties": tie_records(result.ties_of(end)),
+        **{
+            kind.key: end.answers[kind.name].record() if kind.name in end.answers else None
+            for kind in Answer.kinds.values()
+        },
     }
 
 
-def _collapse_record(result: Result, collapse: Collapse) -> Record:
-    """How one end of the range was found, its verification, and all answers to it."""
-    history = collapse.history
-    if not history and collapse.engine == "path":
-        return {}
-    splitting = collapse.splitting
+def _meshed_record(result: Result, end: Collapse) -> Record:
+    """What blocks with a mesh do in a collapse, and how it was found. Collective."""
+    moves = None
+    if end.mode is not None and end.joints is not None and end.status != "unbounded":
+        moves = mechanism_record(block_view(result.layout, end.mode, end.joints, end.sign))
+    history = end.history
+    splitting = end.splitting
     method = history[-1].method if history else "auto"
     if method == "fixed-point" and splitting is not None:
         method = result.scene.solve.method
-    record: Record = {"method": method, "engine": collapse.engine, "gap": collapse.as_state.gap}
-    record |= {"error_estimate": None, "residuals": None, "failures": []}
-    if collapse.path is not None:
+    record: Record = {
+        "mechanism": moves,
+        "wedged_blocks": result.wedged(end).tolist(),
+        "method": method,
+        "soil": [vars(one) for one in soil_forces(result.layout, end.joints)],
+    }
+    if end.path is not None:
         record["continuation"] = {
-            "equilibrium_up_to": collapse.path.lower,
-            "none_found_at": collapse.path.upper,
-            "steps": [_record(step, "load_factor", "displacement") for step in collapse.path.steps],
+            "equilibrium_up_to": end.path.lower,
+            "none_found_at": end.path.upper,
+            "steps": [_record(step, "load_factor", "displacement") for step in end.path.steps],
         }
-    if collapse.states:
-        record["states"] = [dict(vars(state)) for state in collapse.states]
-    # Nothing is proved by the last state of a load that is not limited.
-    certificate = None if collapse.status == "unbounded" else collapse.certificate
-    if certificate is not None:
+    worst = end.certificate and end.certificate.worst_joint
+    if worst and end.status != "unbounded":
         joints = result.layout.joints
-        worst = certificate.worst_joint
-        record |= _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
-            "residuals": dict(certificate.residuals),
-            "tolerances": certificate.tolerances,
-            "failures": sorted(certificate.failures),
-            "worst_joint": worst
-            and vars(worst)
-            | {
-                "position": joints.position[worst.point].tolist(),
-                "group": joints.names[joints.law[worst.point]],
-            },
-        }
-    record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
-    record["soil"] = [vars(one) for one in soil_forces(result.layout, collapse.joints)]
-    for kind in Answer.kinds.values():
-        if not kind.by_direction:
-            answer = collapse.answers.get(kind.name)
-            record[kind.key] = answer and answer.record()
+        place = joints.position[worst.point].tolist()
+        group = joints.names[joints.law[worst.point]]
+        record["worst_joint"] = vars(worst) | {"position": place, "group": group}
     steps = [step for one in history for step in one.steps]
     names = ("load_factor", "bound_change", "contraction", "relaxation", "factorizations")
     iterations: Record = {
         "fixed_point": len(steps),
         "contraction": history[0].contraction if history else None,
         "cycles": sum(one.cycles for one in history),
-        "work_ratio": collapse.work_ratio,
+        "work_ratio": end.work_ratio,
         "history": [_record(step, *names) for step in steps],
     }
     if splitting is not None:
@@ -549,6 +602,13 @@ def origin_record(layout: Layout) -> Record:
         },
         "scene": scene_record(layout),
         "ranks": layout.scene.comm.size,
+        **_made(),
+    }
+
+
+def _made() -> Record:
+    """Versions and date."""
+    return {
         "version": __version__,
         "versions": compat.versions(),
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

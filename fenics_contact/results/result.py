@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -51,6 +51,8 @@ from fenics_contact.results.values import (
     large,
     named_blocks,
     soil_forces,
+    soil_lines,
+    tension_lines,
     tie_arrays,
 )
 from fenics_contact.results.wording import Line, Wording, meant, wording_of
@@ -58,9 +60,6 @@ from fenics_contact.scene.scene import CRUSHING, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
-
-#: What is known of one direction of the live load.
-E = TypeVar("E", bound=Any)
 
 
 @dataclass(frozen=True)
@@ -107,8 +106,6 @@ class Answer(ABC):
     #: What that option is, and what it means to leave it out, in words.
     option: ClassVar[str] = ""
     by_default: ClassVar[str] = ""
-    #: Whether only the loading path tells: nothing is said beside a proof by joint faces.
-    of_path: ClassVar[bool] = False
     #: Whether results hold and write the values of limits by direction.
     by_direction: ClassVar[bool] = False
     #: Whether it has changed the blocks that the bracket is of.
@@ -131,6 +128,11 @@ class Answer(ABC):
         found = {name: getattr(self.value, name) for name in shown}
         return found | ({"reason": found["reason"] or None} if "reason" in found else {})
 
+    @property
+    def of_path(self) -> bool:
+        """Whether only a path that was not followed tells: nothing is said beside a proof."""
+        return False
+
     @abstractmethod
     def lines(self, end: Collapse, words: Wording) -> Sequence[Line]:
         """Lines for the console, of an answer to a collapse: for everybody, or for `-v` alone."""
@@ -148,17 +150,29 @@ class Answer(ABC):
         return self
 
 
+def known_bounds(bounds: LimitBounds) -> LimitBounds:
+    """Bounds that were solved for, as a program."""
+    return bounds
+
+
+#: The program of a bracket of which nothing is known.
+UNKNOWN = partial(known_bounds, LimitBounds(None, None))
+
+
 @dataclass(frozen=True, repr=False)
 class Collapse:
-    """One end of the range of load factors.
+    """One end of the range of load factors, or a state at a given one.
 
     Attributes:
         status: "limit", "unbounded", "not_converged", or "no_equilibrium" if none was found under
-            the dead load alone, which moves the blocks as a mechanism.
+            the dead load alone, which moves the blocks as a mechanism. Of blocks without a mesh
+            "unstable" where a motion proves that, and "equilibrium" of a given load factor.
         load_factor: lambda; nan if no state was found.
         program: Solves the rigid-block programs for the bracket of this end on rank 0. Collective.
         state: State reached, in the supports' coordinates; None if there is none.
-        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
+        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts. Without a mesh
+            motions of blocks: velocities of centroids and rotations, shape (blocks, 6), scaled to a
+            largest velocity of a corner of 1.
         joints: Forces, openings and slips of the joints in this state and mode.
         certificate: Verification of the state.
         history: Iterations for all states, at rising T.
@@ -174,7 +188,8 @@ class Collapse:
         pressed: Where curved joints are pressed beyond their strength, for people, or empty.
         engine: What found it: the loading "path" of elastic blocks, or their "faces".
         way: "follow" where the kernel of faces followed the path, "half" where that came to no end
-            and half of Coulomb's law to this; else "".
+            and half of Coulomb's law to this; without a mesh also "one shot", and "convex"
+            programs; else "".
         gap: Proved distance of the load factor from what the friction forces of its own state
             allow, relative; None where the path's certificate has it: see `as_state`.
         asked: Largest gap that was asked for.
@@ -183,11 +198,18 @@ class Collapse:
         answers: What is known beside the load factor, by name; the values are attributes too:
             `collapse.answers["name"].value` is `collapse.name`, None where nothing was asked.
         sign: Of the live load: load factors have it, the program's bounds do not.
+        force: Without a mesh: forces of the points along their contact's axes, N, (points, 3).
+        tension: Likewise of the bars, N, shape (bars,).
+        falling: Likewise numbers of blocks that fall, where there is no state; or that can wedge.
+        given: Load factor of the state that was asked for; None for that of a limit.
+        curve: Likewise states of the loading path at rising works.
+        factorizations: Likewise of face systems.
+        stopped: Likewise why the search was ended early; empty where it was not.
     """
 
-    status: str
-    load_factor: LoadFactor
-    program: Callable[[], LimitBounds]
+    status: str = "not_converged"
+    load_factor: LoadFactor = math.nan
+    program: Callable[[], LimitBounds] = UNKNOWN
     state: State | None = None
     mode: Array | None = None
     joints: JointValues | None = None
@@ -210,6 +232,13 @@ class Collapse:
     searched: str = ""
     answers: Mapping[str, Answer] = field(default_factory=dict)
     sign: LoadFactor = 1.0
+    force: Array | None = None
+    tension: Array | None = None
+    falling: tuple[int, ...] = ()
+    given: float | None = None
+    curve: tuple[CapacityPoint, ...] = ()
+    factorizations: int = 0
+    stopped: str = ""
 
     def __getattr__(self, name: str) -> Any:
         """The value of an answer."""
@@ -246,7 +275,7 @@ class Collapse:
             if self.bounds.meet and is_limit:
                 rows.append(("other collapse states", "none exists: the bracket is closed"))
         if is_limit and self.proof:
-            rows.append(("model", WITHOUT_PATH))
+            rows += [("model", WITHOUT_PATH)] if self.state is not None else []
         elif is_limit and self.certificate is not None:
             gap = self.certificate.error_estimate
             apart = "not known" if math.isnan(gap) else f"{gap:.0e}"
@@ -262,10 +291,14 @@ class Collapse:
         return abs(self.load_factor) if self.certificate is None else self.certificate.size
 
     @property
+    def residuals(self) -> Mapping[str, float]:
+        """By how much the state misses each condition, relative; empty where none was verified."""
+        return {} if self.certificate is None else self.certificate.residuals
+
+    @property
     def as_state(self) -> CollapseState:
         """This end as one of several collapse states."""
-        residuals = {} if self.certificate is None else self.certificate.residuals
-        gap = residuals.get("limit") if self.gap is None else self.gap
+        gap = self.residuals.get("limit") if self.gap is None else self.gap
         return CollapseState(self.way or self.engine, self.status, self.load_factor, gap)
 
     @property
@@ -296,6 +329,13 @@ class Collapse:
         a verified load factor is in its bracket as far as its residuals are zero.
         """
         return signed(self.program(), self.sign)
+
+    @property
+    def upper(self) -> float:
+        """Nothing carries more of the live load; infinite where nothing is known. Collective."""
+        ends = self.bounds.upper, self.bounds.lower
+        end = ends[self.sign < 0.0]
+        return math.inf if end is None else end
 
     def with_bracket(self) -> Collapse:
         """With its bracket solved for, and what that says of it; the status stays. Collective.
@@ -355,11 +395,6 @@ class Collapse:
         return replace(self, answers=answers)
 
 
-def known_bounds(bounds: LimitBounds) -> LimitBounds:
-    """Bounds that were solved for, as a program."""
-    return bounds
-
-
 #: The reason where the rigid-block program has an equilibrium under the dead load, and the elastic
 #: structure was not found to have one.
 NOT_KNOWN = (
@@ -404,16 +439,26 @@ class ServiceState:
         return self.status != "not_converged" and self.reason != NOT_KNOWN
 
 
-class ByDirection(Generic[E]):
+class ByDirection:
     """Limit loads in one direction of the live load or both.
 
     Attributes:
         ends: By direction, "positive" first; empty if the dead load has no equilibrium.
         scene: That was solved.
+        seconds: Time by phase, s.
+        factorizations: Numeric factorisations in all.
+        capacity: Points of the capacity curve; none if it was not traced.
+        stopped: Why the run was ended early, for people; empty where it was not.
+        ranks: How many ranks shared the mesh, or the tasks.
     """
 
-    ends: Mapping[str, E]
+    ends: Mapping[str, Collapse]
     scene: Any
+    seconds: Mapping[str, float]
+    factorizations: int
+    capacity: tuple[CapacityPoint, ...]
+    stopped: str
+    ranks: int
 
     def __repr__(self) -> str:
         title = getattr(self.scene, "title", "")
@@ -433,22 +478,22 @@ class ByDirection(Generic[E]):
         return found.pop() if len(found) == 1 else "limit"
 
     @property
-    def limits(self) -> dict[str, E]:
+    def limits(self) -> dict[str, Collapse]:
         """The ends that are limit loads."""
         return {name: end for name, end in self.ends.items() if end.status == "limit"}
 
     @property
-    def positive(self) -> E | None:
+    def positive(self) -> Collapse | None:
         """Collapse with the live load as given; None if not asked for."""
         return self.ends.get("positive")
 
     @property
-    def negative(self) -> E | None:
+    def negative(self) -> Collapse | None:
         """Collapse with the live load reversed; None if not asked for."""
         return self.ends.get("negative")
 
     @property
-    def collapse(self) -> E | None:
+    def collapse(self) -> Collapse | None:
         """Collapse that fields show: the positive one if there is one."""
         return self.positive or self.negative
 
@@ -462,9 +507,46 @@ class ByDirection(Generic[E]):
         """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
         return float("nan") if self.negative is None else self.negative.load_factor
 
+    @property
+    def wording(self) -> Wording:
+        """How its load factors are told."""
+        raise NotImplementedError
+
+    @property
+    def curve_end(self) -> CurveEnd | None:
+        """How complete the capacity curve is; None if it was not traced."""
+        if not (self.collapse and self.capacity):
+            return None
+        return CurveEnd.of(self.capacity, self.collapse.load_factor)
+
+    def reason(self, end: Collapse | None = None) -> str:
+        """Why there is no limit load, of one end or at all, for people; empty where there is."""
+        if end is not None:
+            return end.reason
+        return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
+
+    def ties_of(self, end: Collapse) -> Mapping[str, Any]:
+        """What ties carry at one end, by name as of `tie_arrays`; empty without ties or forces."""
+        raise NotImplementedError
+
+    def own_lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """What is told of one end beside answers and bracket: forces of ties."""
+        return tension_lines(self.ties_of(end), words.units)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is told of the whole result, in lines for everybody."""
+        curve = self.curve_end
+        return [str(curve)] if curve and (curve.not_found or not curve.on_plateau) else []
+
+    @property
+    def details(self) -> list[str]:
+        """The same for `-v`."""
+        return [str(self.curve_end)] if self.curve_end else []
+
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Result(ByDirection[Collapse]):
+class Result(ByDirection):
     """Limit load of a scene, in one direction of the live load or both: data, and final.
 
     It can be pickled and copied; on several ranks each has its part of the fields.
@@ -552,12 +634,54 @@ class Result(ByDirection[Collapse]):
         """Why there is no limit load, of one end or at all, for people; empty where there is."""
         if not self.ends:
             return fall_reason(self.layout, self.fall)
-        if end is None:
-            return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
-        if end.status != "unbounded":
-            return end.reason
+        if end is None or end.status != "unbounded":
+            return super().reason(end)
         blocks = named_blocks(self.wedged(end), self.layout.centroid, "wedge")
         return f"nothing limits the live load: {blocks}"
+
+    def own_lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """Forces of ties and soils."""
+        return [
+            *super().own_lines(end, words),
+            *soil_lines(soil_forces(self.layout, end.joints), words.units),
+        ]
+
+    def ties_of(self, end: Collapse) -> NamedArrays:
+        """What ties carry at one end."""
+        return tie_arrays(self.layout, end.joints)
+
+    @property
+    def remarks(self) -> list[str]:
+        """Whether curve and accuracy are complete, and warnings."""
+        limits = self.limits.values()
+        warnings = [text for end in limits for text in (end.pressed, end.contradiction) if text]
+        found = [*super().remarks, *self._accuracy[-1:]]
+        return found + [f"warning: {text}" for text in warnings]
+
+    @property
+    def details(self) -> list[str]:
+        """What is not known of the model, the curve, the way to the accuracy, what was skipped."""
+        return [
+            *([WITHOUT_PATH] if any(end.proof for end in self.ends.values()) else []),
+            *super().details,
+            *self._accuracy[:-1],
+            *(f"skipped: {item}" for item in self.skipped),
+        ]
+
+    @property
+    def _accuracy(self) -> list[str]:
+        """What was found on the way to the accuracy wished, and whether it was reached."""
+        lines = []
+        for one in self.passes:
+            hinges = ", point hinges" if one.hinges == "points" else ""
+            estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
+            lines.append(
+                f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
+                f" load factor {one.load_factor:.6g}, error {estimate}"
+            )
+        if self.inaccurate:
+            lines.append(f"the accuracy wished is NOT REACHED: {self.inaccurate}")
+        return lines
 
     @property
     def tilt_angle(self) -> float | None:
@@ -569,13 +693,6 @@ class Result(ByDirection[Collapse]):
         """What soils press with at the collapse that fields show."""
         end = self.collapse
         return soil_forces(self.layout, None if end is None else end.joints)
-
-    @property
-    def curve_end(self) -> CurveEnd | None:
-        """How complete the capacity curve is; None if it was not traced."""
-        if not (self.collapse and self.capacity):
-            return None
-        return CurveEnd.of(self.capacity, self.collapse.load_factor)
 
     @property
     def bounds(self) -> LimitBounds | None:

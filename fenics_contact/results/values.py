@@ -5,7 +5,7 @@ The same by name, and what blocks do in a collapse mode or a fall, for people.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import partial
@@ -19,6 +19,8 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.soil import places_of_soil
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.results.wording import Line
+from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 
 
@@ -326,6 +328,28 @@ def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None)
 
 def _motions(layout: Layout, values: Array, columns: int | slice) -> npt.NDArray[Any]:
     return layout.centroid_motions(values)[:, columns]
+
+
+def tension_lines(ties: Mapping[str, Any], units: Units) -> list[Line]:
+    """Forces of ties, one by one."""
+    if "state" not in ties:
+        return []
+    texts = []
+    for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
+        carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
+        texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
+    return [Line("ties:", ", ".join(texts))]
+
+
+def soil_lines(soils: Sequence[SoilForce], units: Units) -> list[Line]:
+    """What soils press with, one by one."""
+    texts = [
+        f"{one.name} {units.force(one.force, 4)} ({one.state}, from {units.force(one.active, 4)} to"
+        f" {units.force(one.passive, 4)})"
+        for one in soils
+        if one.state
+    ]
+    return [Line("soil:", ", ".join(texts))] if texts else []
 
 
 #: Blocks fall, or wedge, from this part of the largest motion, or force, on.

@@ -20,7 +20,7 @@ from fenics_contact.spatial.block_tables import prism
 from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.loads import Sides
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.record import LimitLoad
+from fenics_contact.spatial.record import BlockLimitLoad as LimitLoad
 from fenics_contact.spatial.scene import BlockScene as Scene
 from fenics_contact.spatial.scene import Foundation, Plane
 

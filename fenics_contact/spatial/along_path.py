@@ -15,8 +15,8 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.follow import Followed
 from fenics_contact.faces.kernel import FaceIterate
 from fenics_contact.results.history import CapacityPoint, Peak
+from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
-from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.standing import held_against
 from fenics_contact.spatial.structure import Structure
 
@@ -98,6 +98,6 @@ def _pushed(structure: Structure) -> float:
 
 def _is_verified(structure: Structure, state: FaceIterate, sign: float) -> bool:
     """Whether a state has next to no products, and its forces are within equilibrium and laws."""
-    given = SpatialCollapse(given=sign * state.load_factor)
+    given = Collapse(given=sign * state.load_factor)
     held = held_against(structure, given, state.force)
     return state.gap <= SEARCH.gap and held.status == "equilibrium"

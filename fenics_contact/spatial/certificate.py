@@ -10,13 +10,16 @@ for a motion of the blocks by which all points open: v_N >= D |v_T|.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fenics_contact.faces.model import CARRIED
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.certificate import Certificate
+from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.crushing import Crushing
-from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.structure import Structure
 
 #: What a state may miss, in parts of its blocks' typical loads: of equilibrium and of its laws.
@@ -27,6 +30,7 @@ ALLOWED = {
     "ties": 1e-6,
     "mode_penetration": 1e-5,
     "crushing": 1e-5,  # a limit, in which it is told above `SEARCH.verified`
+    "limit": SEARCH.rough_gap,
 }
 
 
@@ -51,7 +55,7 @@ def relative_motions(structure: Structure, mode: Array) -> Array:
     return np.asarray(np.einsum("pki,pi->pk", structure.axes, moved))
 
 
-def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, float]:
+def residuals_of(structure: Structure, collapse: Collapse) -> dict[str, float]:
     """By how much a state misses equilibrium and its laws, relative.
 
     Of a collapse also what its mode misses, and its gap, recomputed.
@@ -100,21 +104,22 @@ def residuals_of(structure: Structure, collapse: SpatialCollapse) -> dict[str, f
         penetration = float(np.max(-opening[~closes], initial=0.0))
         found["mode_penetration"] = penetration / float(np.abs(moved).max())
         apart = abs(power / work - collapse.load_factor) / collapse.size
-        found["limit"] = collapse.gap if np.any(closes) else apart
+        found["limit"] = (collapse.gap or 0.0) if np.any(closes) else apart
     return {name: max(value, 0.0) for name, value in found.items()}
 
 
-def tolerances(residuals: dict[str, float], asked: float) -> dict[str, float]:
-    """What each residual may be in a limit, of which a gap is asked for."""
-    allowed = {**ALLOWED, "limit": max(asked, SEARCH.rough_gap)}
-    return {name: allowed[name] for name in residuals}
+def certified(structure: Structure, state: Collapse, size: float, asked: float) -> Collapse:
+    """A state with its certificate, and at least the gap that its mode proves.
 
-
-def missed(residuals: dict[str, float], asked: float) -> str:
-    """Residuals above what is allowed, in words; empty where there are none."""
-    allowed = tolerances(residuals, asked)
-    return ", ".join(
-        f"{name.replace('_', ' ')} ({value:.1e}, allowed {allowed[name]:.0e})"
-        for name, value in residuals.items()
-        if not value <= allowed[name]
-    )
+    Args:
+        structure: Blocks, contacts and laws.
+        state: Forces, and of a collapse its mode.
+        size: Load factor by which gaps are divided.
+        asked: Largest gap, relative.
+    """
+    certificate = Certificate({}, np.nan, size=size, tolerance=asked, allowed=ALLOWED)
+    residuals = residuals_of(structure, replace(state, certificate=certificate))
+    gap = max(state.gap or 0.0, residuals.get("limit", 0.0))
+    limit = state.load_factor + state.sign * gap * size
+    certificate = replace(certificate, residuals=residuals, kinematic_factor=limit)
+    return replace(state, gap=gap, certificate=certificate)

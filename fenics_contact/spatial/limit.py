@@ -13,12 +13,13 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
-from fenics_contact.answers.lowest import FOUND
-from fenics_contact.answers.peak import NO_PATH
+from fenics_contact.answers.lowest import FOUND, MORE, LowestAnswer
+from fenics_contact.answers.peak import NO_PATH, PeakAnswer
+from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
@@ -27,15 +28,16 @@ from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
-from fenics_contact.results.bounds import rounded
-from fenics_contact.results.history import Peak
+from fenics_contact.results.bounds import LimitBounds, rounded
+from fenics_contact.results.history import CollapseState, Lowest, Peak, Trial
+from fenics_contact.results.result import Collapse, known_bounds
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.along_path import curve_of, peak_of
-from fenics_contact.spatial.certificate import missed, residuals_of
+from fenics_contact.spatial.certificate import certified
 from fenics_contact.spatial.crushing import CrushedState, crushed_state
-from fenics_contact.spatial.record import LimitLoad
-from fenics_contact.spatial.result import SpatialCollapse, named
+from fenics_contact.spatial.record import BlockLimitLoad
+from fenics_contact.spatial.result import named
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.seismic import seismic_check
 from fenics_contact.spatial.standing import state_of, wedged_blocks
@@ -63,7 +65,7 @@ def limit_load(
     *,
     stop: Callable[[], str] = lambda: "",
     beside: Executor | None = None,
-) -> LimitLoad:
+) -> BlockLimitLoad:
     """Compute the limit load of a scene in space.
 
     Args:
@@ -101,14 +103,14 @@ def limit_load(
             found[name] = result_of(task, check_stop)
         except Stopped as stopped:
             why = str(stopped)
-            nothing = SpatialCollapse(sign=SIGNS[name], reason=why, stopped=why)
+            nothing = Collapse(sign=SIGNS[name], reason=why, stopped=why)
             found[name] = last_result_of(task, beside or InPlace()) or nothing
     total = time.perf_counter() - start
     seconds = {"read": built, "solve": total - built, "total": total}
-    return LimitLoad(scene, structure, found, seconds, ranks_of(beside))
+    return BlockLimitLoad(scene, structure, found, seconds, ranks_of(beside))
 
 
-def solved_beside(structure: Structure, scene: BlockScene, direction: str) -> SpatialCollapse:
+def solved_beside(structure: Structure, scene: BlockScene, direction: str) -> Collapse:
     """A task: the collapse in one direction."""
     return _solved(structure, scene, direction, _check(scene, asked_to_stop), lambda text: None)
 
@@ -130,7 +132,7 @@ def _solved(
     direction: str,
     check_stop: Callable[[], None],
     tell: Callable[[str], None],
-) -> SpatialCollapse:
+) -> Collapse:
     """The collapse in one direction with all that the scene asks for."""
     options = scene.solve
     sign = SIGNS[direction]
@@ -159,25 +161,37 @@ def _solved(
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
     check = seismic_check(structure, found, scene) if found.status == "limit" else None
-    return replace(found, seismic=check)
+    return found if check is None else found.with_answer(SeismicAnswer(check))
 
 
-def _with_upper(structure: Structure, found: SpatialCollapse, model: FaceModel) -> SpatialCollapse:
+def _with_upper(structure: Structure, found: Collapse, model: FaceModel) -> Collapse:
     """A limit with what nothing exceeds, or the blocks that can wedge; none if it exceeds that."""
     end = associative_end(model)
     if end is None:
         return replace(found, falling=wedged_blocks(structure, model, stressed=True))
-    found = replace(found, upper=rounded(found.sign * end, found.size))
+    found = replace(found, program=_upper_end(rounded(end, found.size)))
     above = found.sign * (found.load_factor - found.upper) / found.size
     if above <= 0.0:
         return found
     rounding = SEARCH.agrees * max(1.0, model.force / (model.load * found.size))
-    if above <= found.gap + rounding:
-        lower = replace(found, load_factor=found.upper)
-        residuals = residuals_of(structure, lower)
-        return replace(lower, residuals=residuals, gap=max(found.gap, residuals["limit"]))
+    if above <= (found.gap or 0.0) + rounding:
+        asked = found.certificate.tolerance if found.certificate else 0.0
+        return certified(structure, replace(found, load_factor=found.upper), found.size, asked)
     reason = f"the best state, {found.load_factor:.6g}, is above {found.upper:.6g}, a proved end"
     return replace(found, status="not_converged", reason=reason)
+
+
+def _trials(search: FaceSearch) -> tuple[Trial, ...]:
+    """What a search tried."""
+    return tuple(
+        Trial(one.name, np.nan, one.outcome, bool(np.isfinite(one.gap)), one.factorizations, 0.0)
+        for one in search.attempts
+    )
+
+
+def _upper_end(limit: float) -> Callable[[], LimitBounds]:
+    """The program of a bracket of which the upper end alone is known."""
+    return partial(known_bounds, LimitBounds(None, limit))
 
 
 def collapse_of(
@@ -186,7 +200,7 @@ def collapse_of(
     asked: float = SEARCH.gap,
     check_stop: Callable[[], None] = lambda: None,
     along: AlongPath | None = None,
-) -> SpatialCollapse:
+) -> Collapse:
     """The collapse under the live load, or under the reverse of it (sign -1).
 
     Args:
@@ -210,7 +224,7 @@ def collapse_of(
 
     stopped = ""
     wedges: tuple[int, ...] = ()
-    found = SpatialCollapse(sign=sign, reason="the search found no state")
+    found = Collapse(sign=sign, reason="the search found no state")
     try:
         whole: FaceState | None = None
         if not (_alike(structure, sign) and wedged()):
@@ -236,15 +250,13 @@ def collapse_of(
     if wedges:
         limit = sign * np.inf
         why = f"{UNLIMITED}: {named(structure, wedges, 'wedge')}"
-        found = SpatialCollapse(
-            "unbounded", limit, upper=limit, sign=sign, reason=why, falling=wedges
-        )
-    way = search.way if found.status == "limit" else ""
+        program = _upper_end(np.inf)
+        found = Collapse("unbounded", limit, program, sign=sign, reason=why, falling=wedges)
+    found = replace(found, way=search.way if found.status == "limit" else "")
     return replace(
         found,
-        way=way,
-        states=((found.load_factor, found.gap, way),) if way else (),
-        attempts=tuple(search.attempts),
+        states=(found.as_state,) if found.way else (),
+        attempts=_trials(search),
         factorizations=search.equations.factorizations,
         stopped=stopped,
     )
@@ -261,36 +273,37 @@ class AlongPath:
 def _with_path(
     structure: Structure,
     search: FaceSearch,
-    found: SpatialCollapse,
+    found: Collapse,
     along: AlongPath,
     crushes: bool,
-) -> SpatialCollapse:
+) -> Collapse:
     """A limit with what is asked of the path that led to it."""
     path = search.path if search.way == "follow" and not crushes else None
     if path is None:
         if along.points:
             _log.warning("warning: output.capacity: %s", NO_PATH)
-        return replace(found, peak=Peak("not_known", reason=NO_PATH) if along.peak else None)
+        return found.with_answer(PeakAnswer.not_known(NO_PATH)) if along.peak else found
     if along.peak:
         peak = peak_of(structure, path, found.sign)
         if peak.status == "none" and not path.is_whole:
             peak = Peak("not_known", reason=NO_PATH)
-        found = replace(found, peak=peak)
+        found = found.with_answer(PeakAnswer(peak))
     return replace(found, curve=curve_of(structure, path, found.sign, along.points))
 
 
 def _with_one_shot(
-    found: SpatialCollapse, model: FaceModel, asked: float, check_stop: Callable[[], None]
-) -> SpatialCollapse:
+    found: Collapse, model: FaceModel, asked: float, check_stop: Callable[[], None]
+) -> Collapse:
     """A limit by the loading path, with the state that one solve leads to beside it."""
     search = FaceSearch(model, asked, check_stop=check_stop, near=SEARCH.side_accuracy)
     state = search.run()
     spent = found.factorizations + search.equations.factorizations
-    attempts = (*found.attempts, *search.attempts)
+    attempts = (*found.attempts, *_trials(search))
     found = replace(found, factorizations=spent, attempts=attempts)
     if state is None or state.gap > asked:
         return found
-    one = found.sign * state.load_factor, abs(state.gap), search.way
+    factor = found.sign * state.load_factor
+    one = CollapseState(search.way, "limit", factor, abs(state.gap))
     return replace(found, states=(*found.states, one))
 
 
@@ -313,26 +326,26 @@ def as_collapse(
     state: FaceState | CrushedState,
     sign: float,
     asked: float,
-) -> SpatialCollapse:
+) -> Collapse:
     """A state in the terms of the structure, held against it; no limit where it misses much.
 
     Nor is one that needs the reverse of the live load: the dead load alone stands.
     """
     size = model.size(state.load_factor)
-    found = SpatialCollapse(
+    found = Collapse(
         "limit",
         rounded(sign * state.load_factor, size),
-        abs(state.gap),
-        size,
         mode=structure.mode(state.mode),
+        engine="faces",
+        gap=abs(state.gap),
+        inside="friction",
+        sign=sign,
         force=structure.point_forces(state.force),
         tension=structure.tensions(state.force),
-        sign=sign,
     )
-    residuals = residuals_of(structure, found)
-    found = replace(found, residuals=residuals, gap=max(found.gap, residuals["limit"]))
-    text = missed(found.residuals, asked)
-    text = f"misses {text}" if text else ""
+    found = certified(structure, found, size, asked)
+    missed = found.certificate.failures if found.certificate else ()
+    text = f"misses {', '.join(missed).replace('_', ' ')}" if missed else ""
     if not text and state.load_factor < -asked * model.size(0.0):
         text = "is one of the reversed live load"
     reason = f"the best state, with load factor {found.load_factor:.6g}, {text}"
@@ -341,11 +354,11 @@ def as_collapse(
 
 def _with_lowest(
     structure: Structure,
-    found: SpatialCollapse,
+    found: Collapse,
     model: FaceModel,
     options: SolveOptions,
     check_stop: Callable[[], None],
-) -> SpatialCollapse:
+) -> Collapse:
     """A collapse with the lowest state that was found, which takes its place if that is asked for.
 
     Raises:
@@ -354,6 +367,7 @@ def _with_lowest(
     instead = options.states == "lowest"
     spent = found.factorizations
     best: FaceState | None = None
+    count = 0
     corners = replace(structure, quick=True).face_model(found.sign)
     starts: list[Start] = [*list(STARTS.values())[: None if instead else 1]]
     if corners.shape != model.shape:
@@ -362,23 +376,30 @@ def _with_lowest(
         search = FaceSearch(model, SEARCH.side_accuracy, check_stop=check_stop)
         state = lowest_from(search, start)
         spent += search.equations.factorizations
+        count += state is not None
         if state is not None and (best is None or state.load_factor < best.load_factor):
             best = state
+    found = replace(found, factorizations=spent)
     if best is None:
-        return replace(found, factorizations=spent)
-    least = min(best.load_factor, found.sign * found.load_factor)
-    if instead and best.load_factor == least:
-        lowest = as_collapse(structure, model, best, found.sign, options.asked_gap)
-        if lowest.status == "limit":
-            found = replace(lowest, searched=FOUND, attempts=found.attempts)
-    return replace(found, lowest=found.sign * least, factorizations=spent)
+        return found.with_answer(LowestAnswer.not_known(MORE))
+    factor = found.sign * best.load_factor
+    lower = best.load_factor < found.sign * found.load_factor - SEARCH.higher * found.size
+    told = Lowest("none", found.load_factor, count, gap=found.gap)
+    told = replace(told, status="lower", load_factor=factor, gap=best.gap) if lower else told
+    if instead and best.load_factor <= found.sign * found.load_factor:
+        end = as_collapse(structure, model, best, found.sign, options.asked_gap)
+        if end.status == "limit":
+            end = replace(end, searched=FOUND, attempts=found.attempts)
+            found = replace(end, factorizations=spent)
+            told = replace(told, load_factor=end.load_factor)
+    return found.with_answer(LowestAnswer(told))
 
 
 @checked
-def standing(scene: BlockScene, load_factor: float = 0.0) -> LimitLoad:
+def standing(scene: BlockScene, load_factor: float = 0.0) -> BlockLimitLoad:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
     structure = scene.structure()
     found = state_of(structure, load_factor)
     total = {"total": time.perf_counter() - start}
-    return LimitLoad(scene, structure, {"positive": found}, total)
+    return BlockLimitLoad(scene, structure, {"positive": found}, total)

@@ -7,9 +7,9 @@ import numpy as np
 from fenics_contact.answers.seismic import AS_ONE, SeismicCheck
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.certificate import relative_motions
-from fenics_contact.spatial.result import SpatialCollapse
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
@@ -26,7 +26,7 @@ def rigid_parts(structure: Structure, mode: Array) -> Indices:
 
 
 def seismic_check(
-    structure: Structure, collapse: SpatialCollapse, scene: BlockScene
+    structure: Structure, collapse: Collapse, scene: BlockScene
 ) -> SeismicCheck | None:
     """The check of a collapse; None where the scene asks for none, or no mass moves."""
     mode = collapse.mode

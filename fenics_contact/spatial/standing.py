@@ -17,21 +17,21 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.follow import state_at
 from fenics_contact.faces.kernel import FaceIterate
-from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import motion_under, state_alone, state_under, widest_motion
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.result import NOT_KNOWN
+from fenics_contact.results.history import Trial
+from fenics_contact.results.result import NOT_KNOWN, Collapse
 from fenics_contact.search_options import SEARCH
-from fenics_contact.spatial.certificate import missed, residuals_of
+from fenics_contact.spatial.certificate import certified
 from fenics_contact.spatial.crushing import Crushing
-from fenics_contact.spatial.result import SpatialCollapse, named
+from fenics_contact.spatial.result import named
 from fenics_contact.spatial.structure import Structure
 
 
 @lru_cache(maxsize=1)
-def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
+def state_of(structure: Structure, load_factor: float = 0.0) -> Collapse:
     """The state under the dead load and a multiple of the live load, or why there is none.
 
     The status is "equilibrium", "unstable" where a motion proves that there is none,
@@ -41,8 +41,8 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
         InputError: If clarabel is missing, and the state crushes.
     """
     model = structure.face_model()
-    tried = FaceAttempt("forces of the contacts", load_factor, np.nan, 0)
-    nothing = SpatialCollapse(given=load_factor, attempts=(tried,))
+    tried = Trial("forces of the contacts", np.nan, "no state", False, 0, 0.0)
+    nothing = Collapse(given=load_factor, attempts=(tried,))
     if fall := falling(structure, model, load_factor):
         return _fallen(structure, nothing, fall, "")
     state = _from_rest(model, 0.0)  # what only the live load holds falls before
@@ -50,9 +50,11 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> SpatialCollapse:
         state = _along_path(structure, load_factor) or _from_rest(model, load_factor)
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
-    nothing = replace(nothing, attempts=(replace(tried, gap=state.gap),))
+    nothing = replace(
+        nothing, attempts=(replace(tried, outcome=f"a state with gap {state.gap:.1e}", found=True),)
+    )
     found = held_against(structure, nothing, state.force)
-    if "crushing" in missed(found.residuals, SEARCH.gap):
+    if found.certificate and "crushing" in found.certificate.failures:
         with suppress(SolverError):
             part, force, motion = _uncrushed(structure, model, load_factor)
             if part < 1.0 - SEARCH.verified:
@@ -78,9 +80,7 @@ def _from_rest(model: FaceModel, load_factor: float) -> FaceIterate | None:
     return state
 
 
-def _fallen(
-    structure: Structure, found: SpatialCollapse, fall: tuple[int, ...], does: str
-) -> SpatialCollapse:
+def _fallen(structure: Structure, found: Collapse, fall: tuple[int, ...], does: str) -> Collapse:
     """That blocks fall; a proof only where all of the geometry is understood."""
     blocks = f"{named(structure, fall, 'fall')}{does}"
     if structure.doubts:
@@ -91,12 +91,13 @@ def _fallen(
     return replace(found, status="unstable", reason=reason, falling=fall)
 
 
-def held_against(structure: Structure, found: SpatialCollapse, force: Array) -> SpatialCollapse:
+def held_against(structure: Structure, found: Collapse, force: Array) -> Collapse:
     """A state with the engine's forces, held against blocks, contacts and laws."""
     known = structure.point_forces(force), structure.tensions(force)
-    found = replace(found, load_factor=found.given, force=known[0], tension=known[1])
-    found = replace(found, residuals=residuals_of(structure, found))
-    text = missed(found.residuals, SEARCH.gap)
+    factor = found.given or 0.0
+    found = replace(found, load_factor=factor, force=known[0], tension=known[1])
+    found = certified(structure, found, abs(factor), SEARCH.gap)
+    text = found.certificate.missed if found.certificate else ""
     status = "not_converged" if text else "equilibrium"
     return replace(found, status=status, reason=f"the state misses {text}" if text else "")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -12,24 +11,16 @@ from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.files import FALLS, LONGEST_TITLE
 from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
+from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import four
 from fenics_contact.spatial.crushing import Crushing
-from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.result import SpatialLimit, ties_of
 from fenics_contact.spatial.structure import Structure
 
-#: Tensions over the yield of ties below and above which these are slack and yield.
-SLACK, YIELDS = 1e-6, 0.999
 
-
-def view_of(
-    structure: Structure, collapse: SpatialCollapse, names: Sequence[str] = ()
-) -> BlockView:
+def view_of(structure: Structure, collapse: Collapse, names: Sequence[str] = ()) -> BlockView:
     """What is seen of an answer to one direction, with the names of ties."""
-    ties: dict[str, Any] = {}
-    if names and collapse.tension is not None:
-        pull = collapse.tension
-        state = np.digitize(pull / structure.yields, [SLACK, YIELDS])  # numbers of TieState
-        ties = {"name": np.array(names), "force": pull, "yield": structure.yields, "state": state}
+    ties = ties_of(structure, collapse, names)
     mode = np.zeros((len(structure.blocks), 6)) if collapse.mode is None else collapse.mode
     bars = structure.bars
     view = BlockView(
@@ -99,10 +90,10 @@ def views_of(result: SpatialLimit) -> dict[str, BlockView]:
     return views
 
 
-def collapse_in_short(collapse: SpatialCollapse) -> str:
+def collapse_in_short(collapse: Collapse) -> str:
     """Status, load factor and gap, as titles of pictures have them."""
     reversal = ", live load reversed" * (collapse.sign < 0.0)
-    gap = f", gap {collapse.gap:.0e}" if collapse.gap > 0.0 else ""
+    gap = f", gap {collapse.gap:.0e}" if collapse.gap else ""
     found = f"load factor {four(collapse.load_factor)}{reversal}{gap}"
     told = {"limit": found, "unstable": FALLS}
     return told.get(collapse.status, f"{collapse.status.replace('_', ' ')}{reversal}")

@@ -16,7 +16,8 @@ import numpy as np
 
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.block_view import BlockView
-from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.results.result import Collapse
+from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.view import views_of
 
@@ -66,7 +67,7 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
             (folder / f"collapse{view.suffix}.pvd").write_text(series)
 
 
-def _write_points(path: Path, structure: Structure, end: SpatialCollapse) -> None:
+def _write_points(path: Path, structure: Structure, end: Collapse) -> None:
     """Write the forces at points, if any are known, with all that recomputes their equilibrium."""
     if end.force is None or end.tension is None:
         return

@@ -180,7 +180,7 @@ def test_lower_states(path):
     lowest = limit_load(scene_of(blocks, 0.5, quick=True, states="lowest"))
     assert lowest.status == "limit"
     assert lowest.load_factor <= first.load_factor * (1.0 + 1e-6)
-    assert lowest.collapse.lowest == pytest.approx(lowest.load_factor)
+    assert lowest.collapse.lowest.load_factor == pytest.approx(lowest.load_factor)
 
 
 SCENES = {

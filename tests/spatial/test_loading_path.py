@@ -54,9 +54,9 @@ def test_wall_of_the_plane_collapses_as_there(name):
 
 def test_state_of_one_solve_is_told_beside_that_of_the_path():
     result = limit_load(extruded("w4"))
-    (first, _, way), (other, gap, another) = result.ends["positive"].states
-    assert (way, another) == ("follow", "one shot")
-    assert first == pytest.approx(WALLS["w4"], abs=1e-3)
-    assert gap < 1e-3
+    one, two = result.ends["positive"].states
+    assert (one.start, two.start) == ("follow", "one shot")
+    assert one.load_factor == pytest.approx(WALLS["w4"], abs=1e-3)
+    assert two.gap < 1e-3
     told = "also found:" in result.summary()
-    assert told == (abs(other - first) > 1e-2 * first)
+    assert told == (abs(two.load_factor - one.load_factor) > 1e-2 * one.load_factor)

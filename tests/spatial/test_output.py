@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from fenics_contact.output.report.viewer import viewer_page, write_viewer
 from fenics_contact.results.block_view import ContactState
+from fenics_contact.results.result import Collapse
 from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import JointLaw, SolveOptions, Tie
 from fenics_contact.spatial import Load, Material, Scene, builders
@@ -24,7 +25,7 @@ from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.loads import Bar
 from fenics_contact.spatial.picture import draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.result import SpatialCollapse, SpatialLimit
+from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.view import view_of, views_of
 from fenics_contact.spatial.vtu import write_fields
@@ -90,7 +91,7 @@ def test_contacts_crush_at_their_strength(tipping):
     for strength, crushes in ((4.0, True), (4.4, False)):
         laws = (ContactLaw(0.5, compressive_strength=strength),) * 2
         structure = replace(tipping.structure, laws=laws)
-        view = view_of(structure, SpatialCollapse("limit", 1.0, force=force))
+        view = view_of(structure, Collapse("limit", 1.0, force=force))
         assert (ContactState.CRUSHES in view.contacts.state) == crushes
 
 
@@ -163,7 +164,7 @@ FRONT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 def colour_at(blocks, turn, place, falling):
     """What is seen at a place of a view of blocks at rest."""
     structure = structure_of(blocks, 0.5, [1.0, 0.0, 0.0])
-    view = view_of(structure, SpatialCollapse("unstable", falling=(falling,)))
+    view = view_of(structure, Collapse("unstable", falling=(falling,)))
     figure = Figure(figsize=(4, 4), dpi=50)
     axes = figure.add_axes([0, 0, 1, 1])
     draw_view(axes, view, turn)
@@ -217,7 +218,7 @@ def test_viewer_is_small_and_holds_any_name():
     row = [box([k, 0, 0], [k + 1, 1, 1.1234], names[k]) for k in range(count)]
     structure = structure_of(row, 0.5, [1, 0, 0])
     mode = np.random.default_rng(0).normal(size=(count + 1, 6))
-    collapse = SpatialCollapse("limit", 1.0, 0.0, mode=mode)
+    collapse = Collapse("limit", 1.0, mode=mode)
     whole = SpatialLimit(None, structure, {"positive": collapse})
     page = viewer_page(views_of(whole))
     smaller = SpatialLimit(
@@ -270,7 +271,7 @@ def test_words_for_simple_motions(tipping, sliding):
         ([0, -0.5, -0.5], [-1, 0, 0], "swings about its top to -y"),
     ):
         mode[1] = [*velocity, *turn]
-        told_here = words(structure, SpatialCollapse("limit", 1.0, 0.0, mode=mode.copy()))
+        told_here = words(structure, Collapse("limit", 1.0, mode=mode.copy()))
         assert told_here == f"the block {told}"
 
 
@@ -296,6 +297,6 @@ def test_words_are_few_where_all_goes_to_pieces():
     mode = np.zeros((9, 6))
     mode[1:, 1] = np.where(np.arange(8) % 2, 1.0, -1.0)
     structure = structure_of(row, 0.5, [0, 1, 0])
-    told = words(structure, SpatialCollapse("limit", 1.0, 0.0, mode=mode))
+    told = words(structure, Collapse("limit", 1.0, mode=mode))
     assert told.endswith(", 6 smaller parts move between these")
     assert told.count("slides to") == 2

@@ -256,9 +256,10 @@ def test_files_have_components_of_the_plane(tmp_path):
     assert record["scene"]["resultants"]["live"] == pytest.approx([39240.0, 0.0])
     assert record["scene"]["loads"]["live"]["body"] == [9.81, 0.0]
     assert set(record["scene"]["size"]) == {"width", "height"}
-    assert np.shape(record["mechanism"]["motion"]) == (2, 3)
+    mechanism = record["directions"]["positive"]["mechanism"]
+    assert np.shape(mechanism["motion"]) == (2, 3)
     told = "the block rocks to the right about its lower right corner"
-    assert record["mechanism"]["words"] == told
+    assert mechanism["words"] == told
     assert "to the right" in result.summary()
     names = {"collapse.png", "capacity.png", "blocks.vtu", "viewer.html"}
     assert names <= set(record["files"])

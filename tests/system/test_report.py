@@ -153,7 +153,7 @@ def test_numbers_are_those_of_the_result(folder, capsys):
 def test_a_residual_that_fails_is_seen(folder, capsys):
     _, record = solved(folder, capsys, {}, "block")
     for value in (1.0, None):
-        record["residuals"]["friction"] = value
+        record["directions"]["positive"]["residuals"]["friction"] = value
         page = Page(report_page(Content(record)))
         assert page.row("friction")[-1] == "NO"
         assert page.row("no tension")[-1] == "yes"

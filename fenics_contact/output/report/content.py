@@ -111,9 +111,7 @@ class Content:
 
     def details(self, direction: str) -> Record:
         """Where result.json has the verification of one end."""
-        record = self.record
-        apart = direction == "negative" and len(record["directions"]) == 2
-        details: Record = record["directions"][direction] if apart else record
+        details: Record = self.record["directions"].get(direction, {})
         return details
 
     def picture_of(self, stem: str, direction: str) -> str:
