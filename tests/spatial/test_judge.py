@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.spatial import Scene, limit_load
 from tests.quick import some
 from tests.spatial.judge import Judge, judge
@@ -63,7 +64,7 @@ def test_every_kind_of_structure_is_drawn_without_overlaps():
         ({"load_factor": 0.26}, "equilibrium missed"),
         ({"load_factor": -0.25}, "wrong sign"),
         ({"load_factor": 0.4}, "above what anything carries"),
-        ({"upper": 0.2}, "upper end"),
+        ({"program": lambda: LimitBounds(None, 0.2)}, "upper end"),
         ({"status": "unbounded", "load_factor": np.inf}, "nothing above 0.25"),
         ({"status": "unstable"}, "it stands"),
         ({"force": 1.1}, "equilibrium missed"),
