@@ -13,7 +13,7 @@ that blocks strained from rest would exert them is not claimed.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
@@ -89,15 +89,20 @@ class CrushingAnswer(Answer):
 
 #: Of a search: its best state, how that was reached, what was tried, and why it was ended early.
 Searched = tuple[FaceState | None, str, list[FaceAttempt], str]
+#: A way of a search to a state with the gap asked for.
+Way = Callable[[FaceSearch], FaceState | None]
 
 
-def searched(model: FaceModel, asked: float, wait: Callable[[], None], follow: bool) -> Searched:
-    """A task: the search for a certified state with the gap asked for, by the path if told so."""
+def searched(
+    model: FaceModel, asked: float, wait: Callable[[], None], ways: Sequence[Way]
+) -> Searched:
+    """A task: the search for a certified state with the gap asked for, by the first way to one."""
     search = FaceSearch(model, asked, check_stop=wait)
     stopped = ""
     try:
-        if not (follow and search.follow()):
-            search.run()
+        for way_to_one in ways:
+            if way_to_one(search):
+                break
     except Stopped as stop:
         stopped = str(stop)
     except SolverError as error:  # faces that do not hold the blocks
@@ -117,8 +122,11 @@ def begun_search(case: LoadCase) -> Future[Searched]:
     """The search of the face engine, begun beside other work."""
     model = case.blocks.model.planar.model
     engine = case.discretization.scene.solve.engine
-    follow = engine == "follow" or (engine == "auto" and case.blocks.has_strength)
-    return case.beside.submit(searched, model, _asked_gap(case), case.wait, follow)
+    by_path = engine == "follow" or (engine == "auto" and case.blocks.has_strength)
+    ways: tuple[Way, ...] = (FaceSearch.run,)
+    if by_path:
+        ways = (FaceSearch.follow, *ways)
+    return case.beside.submit(searched, model, _asked_gap(case), case.wait, ways)
 
 
 def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Collapse:

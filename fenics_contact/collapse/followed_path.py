@@ -83,7 +83,9 @@ def along_its_length(task: Task) -> Solution:
 
     effort = SEARCH.collapse_cost
     model = points_model(modes.reduced)
-    path = followed(model, Equations(model), effort, whole.mode_tally.add, task.work, False)
+    path = followed(
+        model, Equations(model), effort, whole.mode_tally.add, task.work, FacePath.iterate
+    )
     for place in path.places:
         at = path.path.iterate(place)
         work = path.path.work(place)

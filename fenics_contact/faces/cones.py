@@ -248,15 +248,23 @@ class Disc:
 Cone = Positive | Disc
 
 
-def times(matrices: Array, vectors: Array, transposed: bool = False) -> Array:
-    """Products M v, or M^T v, of small matrices and vectors, one of each for every unit."""
+def times(matrices: Array, vectors: Array) -> Array:
+    """Products M v of small matrices and vectors, one of each for every unit."""
     if not is_there():
-        if transposed:
-            return np.asarray(np.matmul(vectors[:, None, :], matrices)[:, 0])
         return np.asarray(np.matmul(matrices, vectors[:, :, None])[:, :, 0])
     units, rows, columns = matrices.shape
-    found = np.empty((units, columns if transposed else rows))
-    call("unit_products", units, rows, columns, int(transposed), matrices, vectors, found)
+    found = np.empty((units, rows))
+    call("unit_products", units, rows, columns, 0, matrices, vectors, found)
+    return found
+
+
+def transposed_times(matrices: Array, vectors: Array) -> Array:
+    """Products M^T v of small matrices and vectors, one of each for every unit."""
+    if not is_there():
+        return np.asarray(np.matmul(vectors[:, None, :], matrices)[:, 0])
+    units, rows, columns = matrices.shape
+    found = np.empty((units, columns))
+    call("unit_products", units, rows, columns, 1, matrices, vectors, found)
     return found
 
 

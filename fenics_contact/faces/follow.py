@@ -654,7 +654,7 @@ def followed(
     effort: float,
     check_stop: Callable[[], None] = lambda: None,
     work: float | None = None,
-    settled: bool = True,
+    end: Callable[[FacePath, Place], FaceIterate] = FacePath.without_products,
 ) -> Followed:
     """The loading path of a model to its end, in the first way that leads there.
 
@@ -666,7 +666,7 @@ def followed(
         effort: Factorisations of one way at most.
         check_stop: May raise `Stopped`.
         work: W at its end; None: `SearchOptions.follow_works`.
-        settled: Whether products fall to nothing at the end.
+        end: The state at the last place; by default products fall to nothing there.
 
     Raises:
         SolverError: If no way leads to an end.
@@ -682,8 +682,7 @@ def followed(
         try:
             with np.errstate(all="ignore"):
                 places = path.followed(SEARCH.follow_works if work is None else work / path.unit)
-                end = path.without_products(places[-1]) if settled else path.iterate(places[-1])
-                return Followed(path, places, end)
+                return Followed(path, places, end(path, places[-1]))
         except SolverError as error:
             reasons.append(str(error))
         if path.reached > (furthest.reached if furthest else 0.0):
@@ -693,5 +692,5 @@ def followed(
     if furthest is None or work is not None:
         raise SolverError(", ".join(dict.fromkeys(reasons)))
     with np.errstate(all="ignore"):
-        end = furthest.without_products(furthest.places[-1])
-    return Followed(furthest, furthest.places, end, is_whole=False)
+        last = furthest.without_products(furthest.places[-1])
+    return Followed(furthest, furthest.places, last, is_whole=False)

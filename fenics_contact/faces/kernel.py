@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.faces.cones import Array, Positive, times
+from fenics_contact.faces.cones import Array, Positive, times, transposed_times
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations, Springs
 from fenics_contact.search_options import SEARCH, SearchOptions
@@ -332,7 +332,7 @@ class Newton:
         stationary = model.relative(point.motion) + method.offset
         stationary += method.compliance * point.force
         for gradient, dual in zip(self.gradients, point.duals, strict=False):
-            stationary -= times(gradient, dual, True)
+            stationary -= transposed_times(gradient, dual)
         row_duals = point.duals[-1]
         pressed = method.cost - method.rows.T @ row_duals
         self.stationary = stationary + pressed[:, None] * method.pressing
@@ -414,7 +414,9 @@ class Newton:
         if method.curved:
             weights.append(model.curvature(point.duals)[:, None])
         self.inverse = self._springs().inverse(np.hstack(weights))
-        self.solver = method.program.equations.factored(self.inverse, method.symmetric)
+        self.solver = method.program.equations.factored(
+            self.inverse, 0.0 if method.symmetric else 1e-3
+        )
         columns = [times(self.inverse, row[:, None] * method.pressing) for row in method.rows]
         borders = [model.live, *(model.transposed @ column.ravel() for column in columns)]
         self.border = self.solver(np.column_stack(borders))
@@ -485,7 +487,7 @@ class Newton:
         shifts = [one.shift(change) for one, change in pairs]
         wanted = -residuals * self.stationary
         for gradient, shift in zip(self.gradients, shifts, strict=True):
-            wanted += times(gradient, shift, True)
+            wanted += transposed_times(gradient, shift)
         right = residuals * self.equilibrium
         right = right + model.transposed @ times(self.inverse, wanted).ravel()
         motion = self.solver(right)
@@ -613,7 +615,7 @@ def elastic_response(model: FaceModel, equations: Equations) -> Response:
         size = model.shape[1]
         inverse = np.zeros((*model.shape, size))
         inverse[:, np.arange(size), np.arange(size)] = 1.0 / model.compliance
-        solver = equations.factored(inverse, True)
+        solver = equations.factored(inverse, 0.0)
         with np.errstate(all="ignore"):  # blocks that faces do not hold move without end
             live = solver(model.live)
             dead = solver(model.dead)

@@ -202,8 +202,8 @@ class Equations:
         compiled.call("unit_matrices", units, size, width, local, inverse, self._place, entries)
         return entries
 
-    def factored(self, inverse: Array, symmetric: bool) -> ScaledFactor:
-        """The factor of A.
+    def factored(self, inverse: Array, pivots: float) -> ScaledFactor:
+        """The factor of A; pivots are diagonal ones from a part of the column's largest entry on.
 
         Raises:
             SolverError: If A is singular or not finite.
@@ -230,7 +230,7 @@ class Equations:
             factor = splu(
                 csc_matrix((shifted, self._rows, self._start), size),
                 permc_spec="NATURAL",
-                diag_pivot_thresh=0.0 if symmetric else 1e-3,
+                diag_pivot_thresh=pivots,
                 options={"SymmetricMode": True},
             )
         except RuntimeError as error:

@@ -64,7 +64,7 @@ class EliminationStep:
     moved: Iterate
     states: Array
     s: float
-    reached: bool
+    reached: bool = False
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class NonlinearElimination:
                 reach = min(reach[0], back - room), max(reach[1], back + room)
                 forward = np.append(np.zeros(len(x) - 1), np.sign(ahead))
                 last = self._trace((1.0, 0.0, 0.0, 1.0), x, forward, reach)
-            return self._arrived(last, bool(reached))
+            return replace(self._arrived(last), reached=bool(reached))
 
     def distances(self, part: float, s: float, forces: Array | None = None) -> Array:
         """Distances of all points on their tangents from their laws; infinite where these end.
@@ -354,7 +354,7 @@ class NonlinearElimination:
         bends = call("trace", self._curve(line, reach), x, forward, forces, self._distances)
         return _Curve(x, line, forward, forces, bool(bends))
 
-    def _arrived(self, last: _Curve, reached: bool) -> EliminationStep:
+    def _arrived(self, last: _Curve) -> EliminationStep:
         """Where a place on the chosen points' curve moves the structure and all points."""
         kkt = self._linear.kkt
         problem = self._problem
@@ -376,7 +376,7 @@ class NonlinearElimination:
         call("on_laws", self._structure(self._table[:, self._chosen]), s, last.x, exact)
         values[:, self._chosen] = exact
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
-        return EliminationStep(moved, values[:, self._mine], s, reached)
+        return EliminationStep(moved, values[:, self._mine], s)
 
 
 def _longer(values: Array, size: int) -> Array:

@@ -23,6 +23,7 @@ from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
+from fenics_contact.faces.follow import Followed
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
@@ -238,7 +239,8 @@ def collapse_of(
         if state is not None:
             found = as_collapse(structure, model, state, sign, asked)
         if along is not None and found.status == "limit":
-            found = _with_path(structure, search, found, along, crushes)
+            path = search.path if search.way == "follow" and not crushes else None
+            found = _with_path(structure, path, found, along)
         if found.status != "limit":
             wedges = wedged() or wedged_blocks(structure, model, stressed=True)
     except (Stopped, SolverError) as end:
@@ -272,13 +274,11 @@ class AlongPath:
 
 def _with_path(
     structure: Structure,
-    search: FaceSearch,
+    path: Followed | None,
     found: Collapse,
     along: AlongPath,
-    crushes: bool,
 ) -> Collapse:
     """A limit with what is asked of the path that led to it."""
-    path = search.path if search.way == "follow" and not crushes else None
     if path is None:
         if along.points:
             _log.warning("warning: output.capacity: %s", NO_PATH)
