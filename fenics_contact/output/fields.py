@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +13,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.layout import Layout, ground_motion
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import cell_field
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.lazily import fem
@@ -26,8 +24,6 @@ from fenics_contact.results.values import Contact, JointValues
 
 #: Squares of the raster along the longer side of the structure.
 SQUARES = 240
-#: Type of a straight line in VTK files.
-VTK_LINE = 3
 
 
 def displacement_function(layout: Layout, values: Array, name: str) -> fem.Function:
@@ -188,74 +184,6 @@ def facet_contact(values: JointValues, segments: Indices) -> npt.NDArray[np.int6
     contact = values.contact[segments]
     state = np.where(np.any(contact == Contact.SLIP, axis=1), Contact.SLIP, Contact.STICK)
     return np.where(np.any(contact == Contact.OPEN, axis=1), Contact.OPEN, state)
-
-
-def write_joints(
-    path: Path,
-    layout: Layout,
-    values: JointValues,
-    displacement: Array,
-    mode: Array | None,
-    about: str = "",
-) -> None:
-    """Write the joints as lines, an XML file of VTK, on rank 0. Collective.
-
-    By point: "pressure" and "shear" in Pa, "gap" and "slip" in m, "displacement" (mean of both
-    sides) and "collapse_mode", which moves the lines with the blocks; it and the rates are scaled
-    by "mode_scale"; without a mode they are left out. By line: "state" 0 open, 1 slip, 2 stick;
-    "group" and "friction" of its law. A comment has what there is to say `about` the state.
-
-    Raises:
-        OutputError: On all ranks, with the reason, if the file cannot be written.
-    """
-    joints = layout.joints.without_ties()
-    count = joints.joint_count
-    values = values.first(count)
-    points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
-    points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
-    ground = ground_motion(layout.scene, layout.boundary, joints)
-    moved = at_sides(layout, displacement)[:count]
-    points |= {"displacement": middle(joints, moved, ground)}
-    numbers = {}
-    if mode is not None:
-        scale = mode_scale(layout, mode)
-        points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
-        points |= {"collapse_mode": scale * middle(joints, at_sides(layout, mode)[:count])}
-        numbers = {"mode_scale": np.array([scale])}
-    first = joints.segments[:, 0]
-    lines = {"state": facet_contact(values, joints.segments), "group": joints.law[first]}
-    lines |= {"friction": joints.friction[first]}
-    cells = {"connectivity": joints.segments.ravel(), "offsets": 2 * np.arange(1, len(first) + 1)}
-    cells["types"] = np.full(len(first), VTK_LINE, dtype=np.uint8)
-    file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
-    groups = groups.replace("--", "- -")  # XML allows no two hyphens in a comment
-    file.append(Comment(f" {about};" * bool(about) + f" state: {states}; group: {groups} "))
-    grid = SubElement(file, "UnstructuredGrid")
-    _add_arrays(grid, "FieldData", numbers)
-    sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}
-    piece = SubElement(grid, "Piece", sizes)
-    _add_arrays(piece, "Points", {"points": joints.position})
-    for section, columns in (("Cells", cells), ("PointData", points), ("CellData", lines)):
-        _add_arrays(piece, section, columns)
-    with writing(layout.scene.comm):
-        if layout.scene.comm.rank == 0:
-            ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
-
-
-def _add_arrays(parent: Element, section: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Add a section with arrays of numbers; those with two columns are vectors in the plane."""
-    added = SubElement(parent, section)
-    for name, values in columns.items():
-        table = values.reshape(len(values), -1)
-        if table.shape[1] == 2:
-            table = np.column_stack([table, np.zeros(len(table))])
-        kind = {"i": "Int64", "u": "UInt8", "f": "Float64"}[values.dtype.kind]
-        form = {"type": kind, "Name": name, "format": "ascii"}
-        form |= {"NumberOfTuples": str(len(table)), "NumberOfComponents": str(table.shape[1])}
-        array = SubElement(added, "DataArray", form)
-        array.text = " ".join(f"{value:.12g}" for value in table.ravel())
 
 
 # ---- stresses on a raster of fixed size: what a picture of any mesh needs, and no more

@@ -23,7 +23,7 @@ from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, plain
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.output.fields import stress_raster, write_blocks, write_joints, write_series
+from fenics_contact.output.fields import stress_raster, write_blocks, write_series
 from fenics_contact.output.figures import (
     FIGURES,
     Figure,
@@ -37,6 +37,7 @@ from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.output.view import View, block_view, caption_of, view_of
+from fenics_contact.output.vtu import write_joints
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.result import (

@@ -32,11 +32,14 @@ from fenics_contact.results.block_view import BlockView, ContactState
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.view import views_of
 
-#: Where the eye of every view is, by name.
+#: Where the eye of every view is, by name, by dimension.
 VIEWS = {
-    "front (x, z)": (0.0, -1.0, 0.0),
-    "right side (y, z)": (1.0, 0.0, 0.0),
-    "oblique": (0.62, -1.0, 0.62),
+    2: {"": (0.0, -1.0, 0.0)},
+    3: {
+        "front (x, z)": (0.0, -1.0, 0.0),
+        "right side (y, z)": (1.0, 0.0, 0.0),
+        "oblique": (0.62, -1.0, 0.62),
+    },
 }
 #: Where light comes from, in a view's axes.
 LIGHT = np.array([-0.35, 0.55, 0.76])
@@ -78,9 +81,7 @@ def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = (
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    turns = {name: axes_to(eye) for name, eye in VIEWS.items()}
-    if result.structure.dimension == 2:
-        turns = {"": axes_to(VIEWS["front (x, z)"])}
+    turns = {name: axes_to(eye) for name, eye in VIEWS[result.structure.dimension].items()}
     for view in views_of(result).values():
         name = f"collapse{view.suffix}"
         with drawing(name):

@@ -28,6 +28,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags, hstack, identity, vstack
 from scipy.spatial import cKDTree
 
 from fenics_contact import JointLaw, Scene
+from tests.vtu import values_of
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -376,9 +377,7 @@ def read_vtu(path: Path) -> dict[str, Array]:
     for section in piece:
         for item in section.iter("DataArray"):
             name = "points" if section.tag == "Points" else str(item.get("Name"))
-            values = np.array((item.text or "").split(), dtype=float)
-            width = int(item.get("NumberOfComponents") or 1) or 1
-            found[name] = values.reshape(-1, width) if width > 1 else values
+            found[name] = values_of(item)
     return found
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
-import zlib
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -29,6 +27,7 @@ from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.view import view_of, views_of
 from fenics_contact.spatial.vtu import write_fields
+from tests.vtu import values_of
 
 GROUND = Block((Polyhedron.box([-3, -3, -0.2], [3, 3, 0]),), "ground", "ground", fixed=True)
 
@@ -102,16 +101,8 @@ def arrays(path):
     """Arrays of a VTU file by name."""
     found = {}
     for one in ElementTree.parse(path).iter("DataArray"):
-        data = base64.b64decode(one.text[:24]), base64.b64decode(one.text[24:])
-        kind = {"Float64": "<f8", "Int32": "<i4", "UInt8": "u1"}[one.get("type")]
-        values = np.frombuffer(zlib.decompress(data[1]), kind)
-        assert list(np.frombuffer(data[0], "<u4")) == [
-            1,
-            values.nbytes,
-            values.nbytes,
-            len(data[1]),
-        ]
-        found[one.get("Name")] = values.reshape(-1, int(one.get("NumberOfComponents", 1)))
+        values = values_of(one)
+        found[one.get("Name")] = values.reshape(len(values), -1)
     return found
 
 

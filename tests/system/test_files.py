@@ -19,6 +19,7 @@ from matplotlib.image import imread
 import fenics_contact
 from tests.quick import slow, slow_rows
 from tests.system.program import Run, files, result, run, run_here, write_scene
+from tests.vtu import values_of
 
 # A wall of 5 blocks (64 cells) of 0.8 m x 0.4 m; it slides on its base, all joints are rougher.
 FRICTION, ROUGH, WEIGHT, BODIES, CELLS = 0.3, 0.6, 0.8 * 0.4 * 1000.0 * 9.81, 5, 64
@@ -28,7 +29,8 @@ POINT_ARRAYS = {"displacement", "collapse_mode"}
 CELL_ARRAYS = {"stress_xx", "stress_yy", "stress_xy", "von_mises", "body", "material"}
 CELL_ARRAYS |= {"principal_1", "principal_2", "direction_2_x", "direction_2_y"}
 JOINT_ARRAYS = {"pressure", "shear", "gap", "slip"}
-JOINT_VECTORS, FACET_ARRAYS = {"displacement", "collapse_mode"}, {"state", "group", "friction"}
+JOINT_VECTORS = {"displacement", "collapse_mode"}
+FACET_ARRAYS = {"state", "group", "friction", "utilisation", "opening"}
 PICTURES = {"collapse.png", "forces.png", "scene.png", "stress.png", "thrust.png"}
 DRAWN = {"collapse.png", "figures.npz", "viewer.html"}
 PARAVIEW = {"blocks.pvd", "blocks000000.pvtu", "blocks_p0_000000.vtu", "joints.vtu"}
@@ -84,7 +86,7 @@ class Solved:
 
     @property
     def on_ground(self) -> np.ndarray:
-        points = arrays(piece(self.output / "joints.vtu"), "Points")["points"]
+        points = arrays(piece(self.output / "joints.vtu"), "Points")["Points"]
         # The lowest point of a joint between two blocks is at that height too.
         return (np.abs(points[:, 1]) < 1e-12) & (np.abs(self.joints["normal"][:, 1]) > 0.5)
 
@@ -99,9 +101,7 @@ def arrays(part: ET.Element, section: str) -> dict[str, np.ndarray]:
     """Data arrays of a piece by name, a row for every point or cell."""
     found = {}
     for array in part.findall(f"{section}/DataArray"):
-        values = np.array((array.text or "").split(), dtype=float)
-        width = int(array.get("NumberOfComponents") or 1)
-        found[array.get("Name", "")] = values.reshape(-1, width) if width > 1 else values
+        found[array.get("Name", "")] = values_of(array)
     return found
 
 
@@ -240,7 +240,7 @@ def test_stresses_carry_the_weight(solved):
 
 def test_joints_file(solved):
     part, count = piece(solved.output / "joints.vtu"), solved.record["mesh"]["joint_points"]
-    assert int(part.attrib["NumberOfPoints"]) == count == len(arrays(part, "Points")["points"])
+    assert int(part.attrib["NumberOfPoints"]) == count == len(arrays(part, "Points")["Points"])
     assert all(solved.joints[name].shape == (count,) for name in JOINT_ARRAYS)
     assert all(solved.joints[name].shape == (count, 3) for name in JOINT_VECTORS)
     lines = int(part.attrib["NumberOfCells"])
@@ -278,7 +278,7 @@ def test_meshio_knows_the_format_of_all_files(solved):
 def test_joints_move_with_the_blocks(solved):
     (part,) = solved.pieces
     (scale,) = (
-        float(array.text or "")
+        float(values_of(array)[0])
         for array in ET.parse(solved.output / "joints.vtu").getroot().iterfind(".//FieldData/*")
     )
     (other,) = (
