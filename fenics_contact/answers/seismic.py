@@ -19,10 +19,10 @@ from typing import Self
 import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
-from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.output.view import block_view
+from fenics_contact.results.block_view import AMPLITUDE, BlockView
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.results.words import MOVES
@@ -123,11 +123,14 @@ class SeismicAnswer(Asked):
         """The check of a collapse."""
         layout = question.case.discretization.layout
         end = question.end
-        options = layout.scene.seismic
+        scene = layout.scene
+        options = scene.seismic
         if options is None or end.mode is None or end.joints is None:
             return None, end
-        moving = np.flatnonzero(block_view(layout, end.mode).share > MOVES)
-        return cls(seismic_check(layout, options, end.load_factor, end.mode, moving)), end
+        gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
+        view = block_view(layout, end.mode)
+        check = seismic_check(view, options, end.load_factor, gravity, push)
+        return None if check is None else cls(check), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The acceleration, and what it comes of."""
@@ -164,25 +167,24 @@ class SeismicAnswer(Asked):
 
 
 def seismic_check(
-    layout: Layout, options: Seismic, load_factor: float, mode: Array, moving: Indices
-) -> SeismicCheck:
-    """The check of a collapse. Collective.
+    view: BlockView, options: Seismic, load_factor: float, gravity: float, acceleration: float
+) -> SeismicCheck | None:
+    """The check of a collapse; None if no mass moves.
 
     Args:
-        layout: Blocks, with the live load as horizontal forces in proportion to weights.
+        view: Of the collapse, with the live load as horizontal forces in proportion to weights.
         options: Confidence factor.
         load_factor: Of the live load, of either sign.
-        mode: Of the collapse, this rank's part in the supports' coordinates.
-        moving: Numbers of the blocks that move in it.
+        gravity: Acceleration of the dead load, m/s2.
+        acceleration: That of the live load, m/s2.
     """
-    gravity = math.hypot(*layout.scene.dead.acceleration)
-    acceleration = math.hypot(*layout.scene.live.acceleration)
-    motion = layout.block_motions(mode)
-    push = layout.bodies.live * [1.0, 1.0, layout.bodies.size]
-    part = rigid_parts(layout, motion, layout.bodies.centre)[moving]
-    work = np.bincount(part, np.sum(push * motion, axis=1)[moving])
-    force = np.bincount(part, np.hypot(push[:, 0], push[:, 1])[moving])
+    moving = (view.share > MOVES) & ~view.bodies.fixed
+    part = rigid_parts(view)[moving]
+    work = np.bincount(part, np.sum(view.live * view.motion, axis=1)[moving])
+    force = np.bincount(part, np.linalg.norm(view.live[moving, :3], axis=1))
     pushed = force > 0.0
+    if not gravity * acceleration or not np.any(pushed):
+        return None
     return SeismicCheck.of(
         abs(load_factor) * acceleration / gravity,
         gravity,
@@ -193,23 +195,8 @@ def seismic_check(
     )
 
 
-def rigid_parts(layout: Layout, motion: Array, centre: Array) -> Indices:
-    """Number of the rigid part of every block: blocks that touch and move as one share it.
-
-    Args:
-        layout: Of the blocks.
-        motion: Displacements and rotations of all blocks about their centres, shape (blocks, 3).
-        centre: Shape (blocks, 2), m.
-    """
-    joints = layout.joints.without_ties()
-    between = np.all(joints.bodies >= 0, axis=1)
-    sides = joints.bodies[between]
-    arm = joints.position[between][:, None] - centre[sides]
-    turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-    velocity = motion[sides][..., :2] + motion[sides][..., 2:] * turned
-    fastest = np.linalg.norm(velocity, axis=-1).max(initial=0.0)
-    parted = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1)
-    pairs, pair = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-    most = np.zeros(len(pairs))
-    np.maximum.at(most, pair.ravel(), parted)
-    return connected(pairs[most <= AS_ONE * fastest], len(centre))
+def rigid_parts(view: BlockView) -> Indices:
+    """Number of the rigid part of every block: blocks that touch and move as one share it."""
+    parted = np.maximum(view.contacts.opening, view.contacts.slip)
+    pairs = view.touching.pairs[parted <= AS_ONE * AMPLITUDE * view.size]
+    return connected(pairs[np.all(pairs >= 0, axis=1)], len(view.motion))

@@ -394,13 +394,21 @@ def block_view(
             dimension=2,
         ),
         touching=_contacts(layout.joints.without_ties(), values),
-        live=sign * _lifted(layout.bodies.live[:, :2]),
+        live=sign * _about(layout, layout.bodies.live) @ LIFTED,
         motion=motion @ LIFTED,
         tie_ends=_lifted(ties.get("ends", np.empty((0, 2, 2)))),
         tie_blocks=ties.get("blocks", np.empty((0, 2), dtype=np.int64)),
         ties=ties,
     )
     return view.scaled()
+
+
+def _about(layout: Layout, load: Array) -> Array:
+    """A load of bodies about their reference points, over their size, as one about centroids."""
+    bodies = layout.bodies
+    arm = bodies.centre - layout.centroid
+    moment = bodies.size * load[:, 2] + arm[:, 0] * load[:, 1] - arm[:, 1] * load[:, 0]
+    return np.column_stack([load[:, :2], moment])
 
 
 def _lifted(places: npt.NDArray[Any]) -> Array:

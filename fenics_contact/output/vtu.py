@@ -64,7 +64,7 @@ def write_joints(
     By point: "pressure" and "shear" in Pa, "gap" and "slip" in m, "displacement" (mean of both
     sides) and "collapse_mode", which moves the lines with the blocks; it and the rates are scaled
     by "mode_scale"; without a mode they are left out. By line: "state" 0 open, 1 slip, 2 stick;
-    "group" and "friction" of its law, "utilisation" of friction and "opening" of its straight face. A
+    "group" and "friction" of its law, "utilisation" of that and "opening" of its straight face. A
     comment has what there is to say `about` the state.
 
     Raises:

@@ -179,7 +179,7 @@ class BlockView:
     Attributes:
         bodies: Blocks.
         touching: Where they touch.
-        live: Live load, as it acts, by block, N, shape (blocks, 3).
+        live: Live load, as it acts: forces and moments about centroids, shape (blocks, 6).
         motion: Displacements of centroids, m, and rotations of all blocks, shape (blocks, 6).
         tie_ends: Of ties, at rest, m, shape (bars, 2, 3).
         tie_blocks: Of these, -1 for the ground, shape (bars, 2).
@@ -247,8 +247,9 @@ class BlockView:
     @cached_property
     def push(self) -> Array:
         """Ends of an arrow for the resultant of the live load, m, shape (2, 3)."""
-        size = np.linalg.norm(self.live, axis=1)
-        total = self.live.sum(axis=0)
+        force = self.live[:, :3]
+        size = np.linalg.norm(force, axis=1)
+        total = force.sum(axis=0)
         resultant = np.linalg.norm(total)
         if not resultant > 1e-6 * size.sum():
             return np.zeros((2, 3))

@@ -26,7 +26,7 @@ def view_of(structure: Structure, collapse: Collapse, names: Sequence[str] = ())
     view = BlockView(
         bodies=_bodies(structure),
         touching=_contacts(structure, collapse.force),
-        live=collapse.sign * structure.live[:, :3],
+        live=collapse.sign * structure.live,
         motion=mode,
         tie_ends=np.array([bar.ends for bar in bars]).reshape(-1, 2, 3),
         tie_blocks=np.array([bar.blocks for bar in bars], dtype=np.int64).reshape(-1, 2),
