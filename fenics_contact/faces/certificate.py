@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.faces.cones import Array
+from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import FaceIterate, FaceTolerances, Program, Row, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
@@ -71,12 +71,15 @@ class Certifier:
         equations: Of the model.
         sign: Of the live load's work.
         asked: Gap that is enough, by which programs on many blocks end.
+        gaps: Of units that are open, over the work of a step, shape (units,): a unit may close by
+            so much, v_N + gap >= D |v_T|, and its pressing force costs gap N. None: all are closed.
     """
 
     model: FaceModel
     equations: Equations
     sign: float = 1.0
     asked: float = SEARCH.gap
+    gaps: Array | None = None
 
     def near(self, elastic: FaceIterate, work: float) -> tuple[FaceState | None, float]:
         """A state near an elastic one under some work; the limit with its strengths.
@@ -128,7 +131,8 @@ class Certifier:
             mode = iterate.motion / work
             power = model.power(mode)
             bound = power.bound(strength)
-            closes = np.any(power.closing > SEARCH.verified * np.abs(model.relative(mode)).max())
+            closing = self._closing(mode, power.slip)
+            closes = np.any(closing > SEARCH.verified * self._largest(mode))
             if work > 0.0 and bound < least and not closes:
                 least, best = bound, replace(iterate, motion=mode)
             return False
@@ -158,7 +162,7 @@ class Certifier:
             none = np.zeros(model.shape[0])
             rows = Row(none, 1.0, box[0]), Row(none, -1.0, -box[1])
         program = self._program(model.strength, model.friction)
-        cost = model.free_friction * power.slip
+        cost = model.free_friction * power.slip + self._gaps
         program = replace(program, cost=cost, rows=rows)
         found: FaceIterate | None = None
         known = power.bound(model.strength)
@@ -204,12 +208,13 @@ class Certifier:
         if not (found.missing < 10.0 * SEARCH.digits and np.isfinite(found.load_factor)):
             return None
         power = model.power(mode)
-        relative = np.abs(model.relative(mode)).max(initial=1e-300)
-        closing = float(power.closing.max(initial=0.0)) / relative
+        closes = self._closing(mode, power.slip)
+        closing = float(closes.max(initial=0.0)) / self._largest(mode)
         if closing > SEARCH.verified:  # it bounds nothing
             return None
-        closed = power.closing * np.maximum(found.force[:, : model.pressing], 0.0)
-        upper = power.bound(model.own_strength(found.force)) + float(closed.sum())
+        pressed = np.maximum(found.force[:, : model.pressing], 0.0)
+        upper = power.bound(model.own_strength(found.force)) + float(np.sum(closes * pressed))
+        upper += float(np.sum(self._gaps * model.normal(found.force)))
         return FaceState(
             found.load_factor,
             found.force,
@@ -223,7 +228,26 @@ class Certifier:
         )
 
     def _program(self, strength: Array, friction: Array) -> Program:
-        return Program(self.model, self.equations, strength, friction, friction, self.sign)
+        laws = strength, friction, friction
+        return Program(self.model, self.equations, *laws, self.sign, cost=self.gaps)
+
+    @property
+    def _gaps(self) -> Array | float:
+        return 0.0 if self.gaps is None else self.gaps
+
+    def _largest(self, mode: Array) -> float:
+        """The largest relative motion; where blocks roll on edges alone, next to none of theirs."""
+        rolls = SEARCH.small_factor * float(np.abs(mode).max(initial=0.0))
+        return max(float(np.abs(self.model.relative(mode)).max(initial=0.0)), rolls, TINY)
+
+    def _closing(self, mode: Array, slip: Array) -> Array:
+        """By how much units of infinite strength close in a mode, shape (units, k)."""
+        model = self.model
+        opening = model.relative(mode)[:, : model.pressing] - (model.dilatancy * slip)[:, None]
+        if self.gaps is not None:
+            opening = opening + self.gaps[:, None]
+        free = np.asarray(model.kappa > 0.0) | model.tensile
+        return np.where(free[:, None], 0.0, np.maximum(-opening, 0.0))
 
     def _duals(self, mode: Array) -> tuple[Array, ...]:
         """Multipliers that a mode has: openings, and slips on their side."""
@@ -231,7 +255,9 @@ class Certifier:
         relative = model.relative(mode)
         count = model.pressing
         slip = np.linalg.norm(relative[:, count:], axis=1)
-        opening = np.maximum(relative[:, :count] - (model.dilatancy * slip)[:, None], 0.0)
+        open_by = 0.0 if self.gaps is None else self.gaps[:, None]
+        opening = relative[:, :count] - (model.dilatancy * slip)[:, None] + open_by
+        opening = np.maximum(opening, 0.0)
         shear = relative[:, count:]
         if model.shears == 1:
             return (np.hstack([opening, np.maximum(-shear, 0.0), np.maximum(shear, 0.0)]),)

@@ -251,7 +251,6 @@ class BlockScene(Shared):
             f"floors.{n}": mass.acting(-GRAVITY * UP, on=on) for n, (mass, on) in floors.items()
         }
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
-        given = {**dead, **live}
         dead["loads.dead.body"] = masses.acting(lifted(self.dead.acceleration))
         live["loads.live.body"] = pushed.acting(lifted(self.live.acceleration), factors)
         return Structure(
@@ -266,7 +265,7 @@ class BlockScene(Shared):
             max(material.young for material in self.materials.values()),
             (*self.notes, *self._odd_sizes(), *warnings),
             tuple(text for text in warnings if isinstance(text, Doubt)),
-            acting=given,
+            acting={**dead, **live},
             dimension=self.dimension,
         )
 

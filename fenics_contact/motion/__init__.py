@@ -1,0 +1,1 @@
+"""What a structure of rigid blocks carries after the peak, in large displacements."""
