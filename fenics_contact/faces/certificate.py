@@ -246,7 +246,7 @@ class Certifier:
         opening = model.relative(mode)[:, : model.pressing] - (model.dilatancy * slip)[:, None]
         if self.gaps is not None:
             opening = opening + self.gaps[:, None]
-        free = np.asarray(model.kappa > 0.0) | model.tensile
+        free = np.logical_or(model.kappa > 0.0, model.tensile)
         return np.where(free[:, None], 0.0, np.maximum(-opening, 0.0))
 
     def _duals(self, mode: Array) -> tuple[Array, ...]:

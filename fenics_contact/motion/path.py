@@ -20,7 +20,7 @@ from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.motion.poses import Poses
-from fenics_contact.motion.step import Bodies, face_model, state_of
+from fenics_contact.motion.step import Bodies, face_model, given_state, state_of
 from fenics_contact.motion.support import fall
 from fenics_contact.motion.touching import Units
 
@@ -209,9 +209,13 @@ class Follower:
         bodies = self.bodies
         units = bodies.sides.near(bodies.start, TOUCH * bodies.size)
         model = face_model(bodies, units, bodies.start, self._longest)
-        begin = None if self.first is None else self.first(units, bodies.start)
         gaps = np.zeros(model.shape[0])
-        state = state_of(model, gaps, 1.0, begin, self.asked, self._sign)
+        begin = None
+        state = None
+        if self.first is not None:
+            begin = self.first(units, bodies.start)
+            state = given_state(model, begin, self._sign)
+        state = state or state_of(model, gaps, 1.0, begin, self.asked, self._sign)
         work = step / bodies.speed(state.mode)
         return Stage(bodies.start, units, model, gaps, state, work, step)
 

@@ -240,6 +240,20 @@ def state_of(
     return best
 
 
+def given_state(model: FaceModel, force: Array, sign: float) -> FaceState | None:
+    """The state of some forces, with the mode of its strengths; None if it is none."""
+    certifier = Certifier(model, Equations(model), sign)
+    mode = certifier.mode(force)
+    if mode is None:
+        return None
+    without = model.missing(force, 0.0)
+    load_factor = -float(without @ model.live) / float(model.live @ model.live)
+    missing = float(np.abs(model.missing(force, load_factor)).max()) / model.force
+    given = replace(mode, force=force, load_factor=load_factor, missing=missing)
+    state = certifier.state(given, mode.motion)
+    return state if state is not None and state.gap < SEARCH.gap else None
+
+
 def _from_springs(
     model: FaceModel, equations: Equations, certifier: Certifier, gaps: Array
 ) -> FaceState | None:

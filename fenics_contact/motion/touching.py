@@ -139,10 +139,12 @@ class Sides:
         if not rows:
             none = np.zeros((0, 3))
             empty = np.zeros(0, dtype=int)
-            return Units(empty, empty, none, none, np.zeros((0, 3, 3)), *np.zeros((2, 0)), ())
+            flat = np.zeros(0)
+            return Units(empty, empty, none, none, np.zeros((0, 3, 3)), flat, flat, ())
         columns = list(zip(*rows, strict=True))
+        names = "point", "plane", "arm", "origin", "axes", "area", "friction"
         arrays: Any = (np.array(column) for column in columns[:-1])
-        return Units(*arrays, columns[-1])
+        return Units(**dict(zip(names, arrays, strict=True)), key=columns[-1])
 
     def _present(self, number: int, poses: Poses) -> Present:
         """A piece in its present pose."""
