@@ -91,6 +91,12 @@ class Trace:
     lost: tuple[int, ...] = ()
 
     @property
+    def curve(self) -> tuple[Array, Array]:
+        """Displacements, m, and load factors, shape (points,)."""
+        pairs = [(point.displacement, point.load_factor) for point in self.points]
+        return np.array(pairs)[:, 0], np.array(pairs)[:, 1]
+
+    @property
     def energy(self) -> float:
         """By how much the balance of energy is missed, over what the live load brings in."""
         factor, work, stored, friction = (

@@ -110,12 +110,14 @@ class MovedLoad:
         return float(np.vdot(self.force, shift) + np.einsum("nij,nji->", turn, self.moment))
 
 
-def loads_of(structure: Structure) -> Mapping[str, MovedLoad]:
-    """The dead and the live load, from all forces of a structure."""
+def loads_of(structure: Structure, sign: float = 1.0) -> Mapping[str, MovedLoad]:
+    """The dead load, and the live load or the reverse of it, from all forces of a structure."""
     parts: dict[str, list[Acting]] = {"dead": [], "live": []}
     for key, acting in structure.acting.items():
         parts["live" if key.startswith("loads.live") else "dead"].append(acting)
-    return {name: MovedLoad.of(structure, part) for name, part in parts.items()}
+    found = {name: MovedLoad.of(structure, part) for name, part in parts.items()}
+    live = found["live"]
+    return found | {"live": MovedLoad(sign * live.force, sign * live.moment)}
 
 
 class Ties:

@@ -45,10 +45,12 @@ class Bodies:
         structure: As drawn.
         driven: Velocities of ground that moves on, of all blocks, shape (blocks, 6): one unknown;
             the live load is then the unit force against it. None: the scene's live load.
+        sign: Of the live load.
     """
 
     structure: Structure
     driven: Array | None = None
+    sign: float = 1.0
 
     @cached_property
     def start(self) -> Poses:
@@ -63,7 +65,7 @@ class Bodies:
     @cached_property
     def loads(self) -> Any:
         """Dead and live load."""
-        return loads_of(self.structure)
+        return loads_of(self.structure, self.sign)
 
     @cached_property
     def ties(self) -> Ties:

@@ -19,6 +19,7 @@ from fenics_contact.geometry.planar_cells import near_pairs
 from fenics_contact.motion.poses import Poses
 from fenics_contact.spatial.contacts import Contact, clipped, frame, polygon_width
 from fenics_contact.spatial.points import ends_of, points_of
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.structure import ContactLaw, Structure
 
 #: Cosine of the angle up to which sides that face each other may touch: 60 degrees.
@@ -27,6 +28,8 @@ FACING = 0.5
 DEPTH = 0.02
 #: Width of a common part, in the same parts, below which it is none.
 NARROW = 2e-3
+#: Rigid ground reaches so many times the structure's extent.
+GROUND = 10.0
 #: Units are looked for farther than asked, so many times.
 WIDER = 1.6
 
@@ -88,8 +91,9 @@ class Sides:
     def __init__(self, structure: Structure, start: Poses) -> None:
         self.structure = structure
         self.law_of = laws_of(structure)
-        self.pieces = [piece for block in structure.blocks for piece in block.pieces]
-        count = [len(block.pieces) for block in structure.blocks]
+        bodies = [_without_end(block, structure) for block in structure.blocks]
+        self.pieces = [piece for body in bodies for piece in body]
+        count = [len(body) for body in bodies]
         self.owner = np.repeat(np.arange(len(count)), count)
         self.fixed = np.array([block.fixed for block in structure.blocks])
         self.corners = [
@@ -212,6 +216,27 @@ class Sides:
                     local = self.frames[pair[other]][sides[other]]
                     key = (*pair, *sides, number)
                     yield *ends, *arms, local, areas[number], law.friction, key
+
+
+def _without_end(block: Block, structure: Structure) -> tuple[Polyhedron, ...]:
+    """Pieces of a block; of rigid ground below blocks, one that reaches farther than these go."""
+    under = block.pieces[0].under
+    if under is None:
+        return block.pieces
+    piece = block.pieces[0]
+    side = int(np.argmax(piece.normals @ (under.centroid - piece.centroid)))
+    low, high = np.transpose([other.extent for other in structure.blocks], (1, 0, 2))
+    middle = 0.5 * (low.min(axis=0) + high.max(axis=0))
+    reach = GROUND * float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+    normal, across, along = _frames(piece.normals[[side]])[0]
+    middle = middle - (middle @ normal - piece.levels[side]) * normal
+    corners = [
+        middle + reach * (a * across + b * along - c * normal)
+        for a in (-1, 1)
+        for b in (-1, 1)
+        for c in (0, 1)
+    ]
+    return (Polyhedron.hull(corners),)
 
 
 def laws_of(structure: Structure) -> Callable[[int, int], ContactLaw | None]:

@@ -1,0 +1,218 @@
+"""The non-linear kinematic check of a mechanism, by the Italian code for existing masonry.
+
+Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1.2 to .8. The load that is left, alpha, at the
+displacement d_C of a control point is the capacity curve of an oscillator,
+
+    a = alpha g / (e* FC)   [C8.7.1.3],   d = d_C sum P delta^2 / (delta_C sum P delta)   [C8.7.1.4],
+
+P the weights that move and delta their displacements as the motion starts. With d_0 where nothing
+is left, d_SLV = 0.4 d_0 and d_SLC = 0.6 d_0, and the periods
+
+    T_SLV = 1.68 pi sqrt(d_SLV / a(d_SLV))   [C8.7.1.10],
+    T_SLC = 1.56 pi sqrt(d_SLC / a(d_SLC))   [C8.7.1.11],
+
+the mechanism stands the ground acceleration a_g for which the elastic spectrum of displacements,
+S_De = S_e T^2 / (4 pi^2) (NTC 2018, 3.2.3.2), has that displacement at that period, with a damping
+of 8 % (SLV) and 10 % (SLC). This is the check of a mechanism that stands on the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.geometry.mesh import Array
+
+#: By limit state: part of d_0, factor of the period, damping in per cent.
+LIMIT_STATES = {"SLV": (0.4, 1.68, 8.0), "SLC": (0.6, 1.56, 10.0)}
+#: Steps of the iteration on T_D, which is 4 a_g / g + 1.6 s.
+ITERATIONS = 60
+#: Damping of the spectra of the code, per cent.
+USUAL = 5.0
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The elastic spectrum on the ground, NTC 2018, 3.2.3.2.1, or one given by points.
+
+    Attributes:
+        ground: a_g of the place, m/s2.
+        soil: S.
+        amplification: F_0.
+        corner: T_C, s.
+        points: Periods, s, and accelerations with 5 % damping, m/s2, in place of S, F_0 and T_C.
+    """
+
+    ground: float
+    soil: float = 1.0
+    amplification: float = 2.5
+    corner: float = 0.5
+    points: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def of(cls, given: Mapping[str, float] | Sequence[Sequence[float]], gravity: float) -> Spectrum:
+        """From the keys ag (of g), S, F0, TC; or from points, whose first one is at T = 0."""
+        if isinstance(given, Mapping):
+            return cls(given["ag"] * gravity, given["S"], given["F0"], given["TC"])
+        points = tuple((float(period), float(value)) for period, value in given)
+        return cls(points[0][1], points=points)
+
+    def acceleration(self, period: float, damping: float, ground: float, gravity: float) -> float:
+        """S_e, m/s2, at a period, s, with damping, per cent, for a ground acceleration, m/s2."""
+        eta = max(math.sqrt(10.0 / (5.0 + damping)), 0.55)
+        if self.points:
+            periods, values = np.array(self.points).T
+            return eta * float(np.interp(period, periods, values)) * ground / self.ground
+        first, second, third = self.corner / 3.0, self.corner, 4.0 * ground / gravity + 1.6
+        plateau = ground * self.soil * eta * self.amplification
+        if period < first:
+            rest = (1.0 - period / first) / (eta * self.amplification)
+            return plateau * (period / first + rest)
+        return plateau * min(1.0, second / period, second * third / period**2)
+
+    def carried(self, displacement: float, period: float, damping: float, gravity: float) -> float:
+        """Ground acceleration, m/s2, whose spectrum has a displacement, m, at a period."""
+        ground = gravity
+        for _ in range(ITERATIONS):
+            at = self.acceleration(period, damping, ground, gravity)
+            ground *= displacement * (2.0 * math.pi / period) ** 2 / at
+        return ground
+
+
+@dataclass(frozen=True)
+class NonlinearCheck:
+    """The check of one limit state.
+
+    Attributes:
+        limit_state: "SLV" or "SLC".
+        curve: d, m, and a, m/s2, of the oscillator.
+        zero: d_0, m.
+        displacement: d_SLV or d_SLC, m.
+        acceleration: a there, m/s2.
+        period: T, s.
+        ground: a_g that it stands, m/s2.
+        start: a_g at which it starts, m/s2; `ground` is not below it.
+        demand: a_g of the place, m/s2.
+        gravity: m/s2.
+        whole: Whether the path comes to the place where nothing is left; else d_0 is its end.
+    """
+
+    limit_state: str
+    curve: tuple[Array, Array]
+    zero: float
+    displacement: float
+    acceleration: float
+    period: float
+    ground: float
+    start: float
+    demand: float
+    gravity: float
+    whole: bool
+
+    @property
+    def verdict(self) -> str:
+        """Whether it stands what is asked for."""
+        return "enough" if self.ground >= self.demand else "NOT enough"
+
+    @property
+    def sentence(self) -> str:
+        """What people are told."""
+        g = self.gravity
+        cut = "" if self.whole else "; d_0 is the end of the path, where something is left"
+        return (
+            f"non-linear check: d_{self.limit_state} {self.displacement:.4g} m, T"
+            f" {self.period:.4g} s: it stands a_g = {self.ground / g:.4g} g on the ground"
+            f" ({self.demand / g:.4g} g asked for: {self.verdict}){cut}"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """For result.json; accelerations in m/s2."""
+        shift, acceleration = self.curve
+        return {
+            "limit_state": self.limit_state,
+            "d": shift.tolist(),
+            "a": acceleration.tolist(),
+            "d_0": self.zero,
+            f"d_{self.limit_state}": self.displacement,
+            "T": self.period,
+            "a_g": self.ground,
+            "a_g_start": self.start,
+            "demand": self.demand,
+            "verdict": self.verdict,
+        }
+
+    def table(self) -> list[tuple[str, str]]:
+        """Names and values, in the order in which they follow from each other."""
+        state = self.limit_state
+        g = self.gravity
+        part, factor, damping = LIMIT_STATES[state]
+        return [
+            ("displacement at which nothing is left, d_0", f"{self.zero:.4g} m"),
+            (f"d_{state} = {part} d_0 [C8.7.1.2.1.6]", f"{self.displacement:.4g} m"),
+            (f"spectral acceleration there, a(d_{state})", f"{self.acceleration:.4g} m/s2"),
+            (f"period T_{state} = {factor} pi sqrt(d / a)", f"{self.period:.4g} s"),
+            ("damping", f"{damping:g} %"),
+            ("ground acceleration at which it starts", f"{self.start / g:.4g} g"),
+            ("ground acceleration that it stands, a_g", f"{self.ground / g:.4g} g"),
+            ("asked for", f"{self.demand / g:.4g} g: {self.verdict}"),
+        ]
+
+
+def nonlinear_check(
+    multiplier: Array,
+    control: Array,
+    mass: Array,
+    displacement: Array,
+    control_displacement: float,
+    spectrum: Spectrum,
+    *,
+    gravity: float,
+    confidence: float,
+    limit_state: str = "SLV",
+    lost: float = math.inf,
+    whole: bool = True,
+) -> NonlinearCheck:
+    """The check of a curve alpha(d_C).
+
+    Args:
+        multiplier: alpha, horizontal forces over weights, at rising displacements.
+        control: d_C, m.
+        mass: Of the parts that are pushed, kg.
+        displacement: delta, of their centres along the push, as the motion starts.
+        control_displacement: delta_C, of the control point.
+        spectrum: On the ground.
+        gravity: m/s2.
+        confidence: FC.
+        limit_state: A key of `LIMIT_STATES`.
+        lost: Displacement of the control point at which supports are lost, m.
+        whole: Whether the curve ends where nothing is left.
+    """
+    first, second = float(mass @ displacement), float(mass @ displacement**2)
+    fraction = first**2 / (float(mass.sum()) * second)
+    ratio = second / (control_displacement * first)
+    acceleration = multiplier * gravity / (fraction * confidence)
+    shift = control * ratio
+    zero = float(shift[-1])
+    part, factor, damping = LIMIT_STATES[limit_state]
+    at = min(part * zero, lost * ratio)
+    there = float(np.interp(at, shift, acceleration))
+    period = factor * math.pi * math.sqrt(at / there)
+    start = float(acceleration[0]) / spectrum.acceleration(0.0, USUAL, 1.0, gravity)
+    stands = spectrum.carried(at, period, damping, gravity)
+    return NonlinearCheck(
+        limit_state,
+        (shift, acceleration),
+        zero,
+        at,
+        there,
+        period,
+        max(stands, start),
+        start,
+        spectrum.ground,
+        gravity,
+        whole,
+    )
