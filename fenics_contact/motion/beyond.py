@@ -1,4 +1,4 @@
-"""What a structure carries after its peak: the way down, followed twice.
+"""What a structure carries after its peak, or as its ground moves on: the way, followed twice.
 
 Where blocks turn, paths by steps of a size and of half of it agree to many digits. Where they slide
 an interval of collapse states opens at every point, and the two part: what is told then ends there.
@@ -30,21 +30,25 @@ from fenics_contact.spatial.structure import Structure
 #: Two paths agree as long as their curves are as near as this, in units of the end and of the
 #: first load factor.
 AGREE = 0.04
-SMALLEST = 1e-300
 #: Ends of two paths are one if displacements differ by less than this part.
 SAME_END = 0.02
+SMALLEST = 1e-300
 #: Components of a live load below this part of its size say nothing of its direction.
 RESULTANT = 1e-6
+#: Blocks that a sentence names.
+NAMED = 4
 
 
 @dataclass(frozen=True)
 class Beyond:
-    """The way down after the peak.
+    """The way down after the peak, or of ground that moves on.
 
     Attributes:
         block: Name of the block of the control point.
         place: Control point as drawn, m.
         along: Unit vector of its displacement, that of the live load.
+        driven: Whether the ground moves on: load factors are then what the structure presses it
+            with along its way, N.
         fine: Path by steps half as long: what is told.
         coarse: Path by the others.
         left_out: Laws that are not followed, in words.
@@ -54,20 +58,21 @@ class Beyond:
     block: str
     place: tuple[float, ...]
     along: tuple[float, ...]
+    driven: bool
     fine: Trace
     coarse: Trace
     left_out: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
 
     @property
-    def curve(self) -> tuple[Array, Array]:
-        """Displacements, m, and load factors."""
-        return self.fine.curve
-
-    @property
     def end(self) -> float:
         """Displacement at the last point, m."""
         return self.fine.points[-1].displacement
+
+    @property
+    def other_end(self) -> float:
+        """That of the path by longer steps, m."""
+        return self.coarse.points[-1].displacement
 
     @property
     def zero(self) -> float | None:
@@ -77,8 +82,7 @@ class Beyond:
     @property
     def agrees(self) -> bool:
         """Whether both paths come to one end by one way."""
-        other = self.coarse.points[-1].displacement
-        same = abs(self.end - other) <= SAME_END * max(abs(self.end), abs(other))
+        same = abs(self.end - self.other_end) <= SAME_END * max(abs(self.end), abs(self.other_end))
         return same and self.until >= self.end
 
     @property
@@ -92,43 +96,42 @@ class Beyond:
 
     def at(self, displacement: float) -> float:
         """Load factor at a displacement, by straight lines between points."""
-        return float(np.interp(displacement, *self.curve))
+        return float(np.interp(displacement, *self.fine.curve))
 
     def sentences(self) -> list[str]:
-        """What people are told."""
-        told = [self.sentence, self.checks]
-        if self.left_out:
-            told.append(f"after the peak without {' and '.join(self.left_out)}")
-        return told
+        """What people are told: the way, how far it is to be trusted, what it leaves out."""
+        without = f"after the peak without {' and '.join(self.left_out)}"
+        return [self.sentence, self.checks, *[without] * bool(self.left_out)]
+
+    def _amount(self, displacement: float) -> str:
+        value = self.at(displacement)
+        return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
 
     @property
     def sentence(self) -> str:
-        """The way down in one sentence."""
-        first = self.at(0.0)
-        goes = f"after the peak: {first:.3g} at once"
+        """The way in one sentence."""
         end = self.end if self.agrees else self.until
-        if end > 0.0:
-            middle = _round(0.4 * end)
-            goes += f", {self.at(middle):.3g} at {middle:g} m"
+        goes = "as the ground moves on it is pressed with" if self.driven else "after the peak:"
+        goes += f" {self._amount(0.0)} at once"
+        here, factor = self.fine.curve
+        most = float(here[factor.argmax()])
+        rises = factor.max() > (1.0 + SAME_END) * abs(factor[0]) and most < end
+        middle = most if rises else float(f"{0.4 * end:.2g}")
+        goes += f", {self._amount(middle)} at {middle:.3g} m" * (end > 0.0)
+        last = f"{self._amount(end)} at {end:.3g} m"
+        where = "" if self.driven else f" (block {self.block} at {_place(self.place)})"
         if not self.agrees:
-            others = sorted([self.end, self.coarse.points[-1].displacement])
+            one, other = sorted([self.end, self.other_end])
             return (
-                f"{goes}, {self.at(end):.3g} at {end:.3g} m; from there blocks that slide may go"
-                f" several ways: two paths end at {others[0]:.3g} and {others[1]:.3g} m"
-                f" ({self.where})"
+                f"{goes}, {last}; from there blocks that slide may go several ways: two paths end"
+                f" at {one:.3g} and {other:.3g} m{where}"
             )
         ends = {
             NOTHING_LEFT: f"nothing at {end:.3g} m",
-            SUPPORT_LOST: f"{self.at(end):.3g} at {end:.3g} m, where {_names(self.lost)}",
-            NO_STATE: f"{self.at(end):.3g} at {end:.3g} m; no state was found behind it",
+            SUPPORT_LOST: f"{last}, where {_names(self.lost)}",
+            NO_STATE: f"{last}; no state was found behind it",
         }
-        usual = f"{self.at(end):.3g} at {end:.3g} m"
-        return f"{goes}, {ends.get(self.fine.why, usual)} ({self.where})"
-
-    @property
-    def where(self) -> str:
-        """The control point in words."""
-        return f"block {self.block} at ({', '.join(f'{x:.3g}' for x in self.place)})"
+        return f"{goes}, {ends.get(self.fine.why, last)}{where}"
 
     @property
     def checks(self) -> str:
@@ -136,8 +139,9 @@ class Beyond:
         gap = max(point.gap for point in self.fine.points)
         return (
             f"{len(self.fine.points)} points, gaps up to {gap:.0e}, blocks overlap by"
-            f" {self.fine.overlap:.0e} m at most, the energy closes to {100 * self.fine.energy:.2g} %;"
-            f" with steps twice as long the end is at {self.coarse.points[-1].displacement:.4g} m"
+            f" {self.fine.overlap:.0e} m at most, the energy closes to"
+            f" {100 * self.fine.energy:.2g} %; with steps twice as long the end is at"
+            f" {self.other_end:.4g} m"
         )
 
     def record(self) -> dict[str, Any]:
@@ -145,13 +149,11 @@ class Beyond:
         names = "displacement", "load_factor", "work", "gap", "overlap", "event"
         return {
             "control": {"block": self.block, "place": self.place, "along": self.along},
+            "driven": self.driven,
             "points": [{n: getattr(p, n) for n in names} for p in self.fine.points],
             "zero": self.zero,
             "end": {"why": self.fine.why, "displacement": self.end, "blocks": self.lost},
-            "other_end": {
-                "why": self.coarse.why,
-                "displacement": self.coarse.points[-1].displacement,
-            },
+            "other_end": {"why": self.coarse.why, "displacement": self.other_end},
             "agree_until": self.until,
             "energy": self.fine.energy,
             "overlap": self.fine.overlap,
@@ -160,21 +162,24 @@ class Beyond:
 
     def rows(self) -> Iterator[str]:
         """Lines of beyond.csv."""
-        yield "displacement,load_factor,work,gap,overlap,stored,friction,event"
-        for p in self.fine.points:
-            numbers = p.displacement, p.load_factor, p.work, p.gap, p.overlap, p.stored, p.friction
-            yield ",".join([*(f"{number:.10g}" for number in numbers), p.event])
+        names = "displacement", "load_factor", "work", "gap", "overlap", "stored", "friction"
+        yield ",".join([*names, "event"])
+        for point in self.fine.points:
+            numbers = (f"{getattr(point, name):.10g}" for name in names)
+            yield ",".join([*numbers, point.event])
 
 
 def beyond(
     structure: Structure,
-    collapse: Any,
+    collapse: Any = None,
     *,
     until: float = np.inf,
     control: Sequence[float] | None = None,
     check_stop: Callable[[], None] = lambda: None,
 ) -> Beyond | None:
     """The way down of a structure from its collapse; None where no state was found at all.
+
+    Where the ground moves with the dead load (`Structure.moved`) that goes on: no live load acts.
 
     Args:
         structure: As drawn.
@@ -183,39 +188,58 @@ def beyond(
         control: Place of the control point, m; None: the highest corner that moves.
         check_stop: May raise `Stopped`: what is known by then is the answer.
     """
-    bodies = Bodies(structure, sign=collapse.sign)
-    first = forces_as(structure, collapse.force, collapse.tension, bodies)
-    follower = Follower(bodies, lambda poses: 0.0, first, until=until, check_stop=check_stop)
+    driven = _driven(structure)
+    bodies = Bodies(structure, driven, 1.0 if collapse is None else collapse.sign)
+    follower = Follower(bodies, lambda poses: 0.0, until=until, check_stop=check_stop)
+    if driven is None and collapse is not None and collapse.force is not None:
+        follower.first = forces_as(structure, collapse.force, collapse.tension, bodies)
     step = FIRST * bodies.size
     try:
         mode = follower.drawn(step).state.mode
     except SolverError:
         return None
     along = _direction(bodies)
-    if control is None:
+    if control is not None:
+        block, arm = _nearest(bodies, np.array(control))
+    elif driven is None:
         block, arm = control_corner(bodies, mode, along)
     else:
-        block, arm = _nearest(bodies, np.array(control))
+        block, arm = int(np.abs(driven[:, :3]).max(axis=1).argmax()), np.zeros(3)
     follower.control = displacement_of(bodies, block, arm, along)
+    if driven is not None and control is None:
+        follower.control = follower.driven_by
     coarse = follower.trace(step)
     fine = follower.trace(0.5 * step)
+    fine = fine if len(fine.points) > 1 else coarse
     if not fine.points:
         return None
     place = structure.told(bodies.start.centroid[block] + arm)
-    names = [structure.blocks[k].name or str(k) for k in range(len(structure.blocks))]
+    names = [one.name or str(k) for k, one in enumerate(structure.blocks)]
     return Beyond(
         names[block],
         tuple(place.tolist()),
         tuple(structure.told(along).tolist()),
+        driven is not None,
         fine,
-        coarse if coarse.points else fine,
+        coarse,
         tuple(_left_out(structure)),
         tuple(names[k] for k in fine.lost),
     )
 
 
+def _driven(structure: Structure) -> Array | None:
+    """Velocities of ground that moves on, the largest one 1 m; None where none moves."""
+    if structure.moved is None:
+        return None
+    size = float(np.linalg.norm(structure.moved[:, :3], axis=1).max())
+    return structure.moved / size if size else None
+
+
 def _direction(bodies: Bodies) -> Array:
-    """Unit vector of the live load's resultant; x where it has none."""
+    """Unit vector of what drives: of the live load's resultant, x where it has none."""
+    if bodies.driven is not None:
+        fastest = bodies.driven[:, :3][np.linalg.norm(bodies.driven[:, :3], axis=1).argmax()]
+        return np.asarray(fastest / np.linalg.norm(fastest))
     force = bodies.loads["live"].force
     total = force.sum(axis=0)
     size = float(np.linalg.norm(total))
@@ -253,6 +277,8 @@ def _left_out(structure: Structure) -> Iterator[str]:
 
 def _distance(points: Array, line: Array) -> Array:
     """Least distances of points from a line through others, shape (points,)."""
+    if len(line) < 2:
+        return np.asarray(np.linalg.norm(points - line[0], axis=1))
     start, edge = line[:-1], np.diff(line, axis=0)
     length = np.maximum(np.einsum("ei,ei->e", edge, edge), SMALLEST)
     away = points[:, None] - start
@@ -261,11 +287,12 @@ def _distance(points: Array, line: Array) -> Array:
 
 
 def _names(blocks: Sequence[str]) -> str:
+    """Blocks and what they lose, in words."""
     if len(blocks) == 1:
         return f"block {blocks[0]} loses its support"
-    return f"blocks {', '.join(blocks[:4])}{', ...' * (len(blocks) > 4)} lose their support"
+    more = ", ..." * (len(blocks) > NAMED)
+    return f"blocks {', '.join(blocks[:NAMED])}{more} lose their support"
 
 
-def _round(value: float) -> float:
-    """To two digits."""
-    return float(f"{value:.2g}")
+def _place(place: Sequence[float]) -> str:
+    return f"({', '.join(f'{x:.3g}' for x in place)})"

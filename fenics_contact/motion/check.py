@@ -3,7 +3,7 @@
 Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1.2 to .8. The load that is left, alpha, at the
 displacement d_C of a control point is the capacity curve of an oscillator,
 
-    a = alpha g / (e* FC)   [C8.7.1.3],   d = d_C sum P delta^2 / (delta_C sum P delta)   [C8.7.1.4],
+    a = alpha g / (e* FC)  [C8.7.1.3],   d = d_C sum P delta^2 / (delta_C sum P delta)  [C8.7.1.4],
 
 P the weights that move and delta their displacements as the motion starts. With d_0 where nothing
 is left, d_SLV = 0.4 d_0 and d_SLC = 0.6 d_0, and the periods

@@ -326,13 +326,19 @@ class Follower:
         )
 
     def _live_work(self, poses: Poses) -> float:
-        """Of the live load since the start, J."""
+        """Of the live load since the start, J; of driven ground against the unit force."""
         bodies = self.bodies
         if bodies.driven is None:
             return float(bodies.loads["live"].work(bodies.start, poses))
-        driven = bodies.driven[:, :3]
-        shift = (poses.centroid - bodies.start.centroid)[:-1]
-        return -float(np.vdot(shift, driven) / np.vdot(driven, driven))
+        return -self.driven_by(poses)
+
+    def driven_by(self, poses: Poses) -> float:
+        """How far ground that is driven has gone, m."""
+        driven = self.bodies.driven
+        if driven is None:
+            return 0.0
+        shift = (poses.centroid - self.bodies.start.centroid)[:-1]
+        return float(np.vdot(shift, driven[:, :3]) / np.vdot(driven[:, :3], driven[:, :3]))
 
     def _moved(self, stage: Stage, least: float) -> tuple[Poses, float]:
         """Poses behind the step of a stage, and the work of friction in it, J.
