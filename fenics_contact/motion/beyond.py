@@ -185,7 +185,8 @@ def beyond(
         structure: As drawn.
         collapse: Its limit, with forces and ties' tensions: where the path begins.
         until: Displacement of the control point at which it ends, m.
-        control: Place of the control point, m; None: the highest corner that moves.
+        control: Place of the control point, m, of as many numbers as dimensions; None: the highest
+            corner that moves.
         check_stop: May raise `Stopped`: what is known by then is the answer.
     """
     driven = _driven(structure)
@@ -254,7 +255,7 @@ def _nearest(bodies: Bodies, place: Array) -> tuple[int, Array]:
     found = []
     for k, block in enumerate(sides.owner.tolist()):
         if block in bodies.moves:
-            places = sides.corners[k] + bodies.start.centroid[block]
+            places = bodies.structure.told(sides.corners[k] + bodies.start.centroid[block])
             away = np.linalg.norm(places - place, axis=1)
             corner = int(away.argmin())
             found.append((float(away[corner]), block, sides.corners[k][corner]))

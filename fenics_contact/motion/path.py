@@ -195,6 +195,8 @@ class Follower:
                     end = End(self._ended(points, scale))
         except Stopped as stopped:
             end = End(str(stopped))
+        except SolverError:
+            end = End(NO_STATE)
         return Trace(tuple(points), end.why, end.lost)
 
     def _ended(self, points: list[BeyondPoint], scale: float) -> str:
@@ -252,6 +254,7 @@ class Follower:
         least = LEAST * first
         here = stage
         landings = 0
+        used = 0.0
         lost: tuple[int, ...] = ()
         why = ""
         while True:
@@ -295,6 +298,8 @@ class Follower:
         """Blocks that nothing holds in some poses, whatever the load factor; empty if all are."""
         bodies = self.bodies
         units = bodies.sides.near(poses, TOUCH * bodies.size)
+        if not units.key:
+            return tuple(bodies.moves.tolist())
         motion = fall(face_model(bodies, units, poses, self._longest))
         if motion is None:
             return ()

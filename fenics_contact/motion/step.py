@@ -12,6 +12,7 @@ Coulomb's law and no dilatancy. Units that close within the step carry force at 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -244,8 +245,10 @@ def state_of(
 
 def given_state(model: FaceModel, force: Array, sign: float) -> FaceState | None:
     """The state of some forces, with the mode of its strengths; None if it is none."""
+    slacks = model.slacks(force, model.strength, model.friction)
+    inside = min(float(part.min(initial=0.0)) for part in _margins(slacks))
     certifier = Certifier(model, Equations(model), sign)
-    mode = certifier.mode(force)
+    mode = certifier.mode(force) if inside > -SEARCH.verified * model.force else None
     if mode is None:
         return None
     without = model.missing(force, 0.0)
@@ -254,6 +257,13 @@ def given_state(model: FaceModel, force: Array, sign: float) -> FaceState | None
     given = replace(mode, force=force, load_factor=load_factor, missing=missing)
     state = certifier.state(given, mode.motion)
     return state if state is not None and state.gap < SEARCH.gap else None
+
+
+def _margins(slacks: tuple[Array, ...]) -> Iterator[Array]:
+    """Of pressing forces, and of friction in one dimension or on a disc."""
+    yield slacks[0]
+    if len(slacks) > 1:
+        yield slacks[1][:, 0] - np.linalg.norm(slacks[1][:, 1:], axis=1)
 
 
 def _from_springs(

@@ -24,26 +24,24 @@ def fall(model: FaceModel) -> Array | None:
     missing is missed with discs, too. Its multipliers are the motion.
     """
     from scipy.optimize import linprog
-    from scipy.sparse import bmat, csr_matrix, identity
+    from scipy.sparse import bmat, csr_matrix, diags, identity, kron
 
     units, size = model.shape
     shears = model.shears
     angles = np.arange(TANGENTS) * 2.0 * np.pi / TANGENTS
     ways = np.column_stack([np.cos(angles), np.sin(angles)])[:, :shears]
     ways = ways if shears > 1 else np.array([[1.0], [-1.0]])
-    rows = np.array([np.hstack([np.zeros((len(ways), 1)), ways])] * units)
-    rows[:, :, 0] = -model.friction[:, None]
-    cones = np.zeros((units * len(ways), units * size))
-    for unit, row in enumerate(rows):
-        cones[unit * len(ways) : (unit + 1) * len(ways), unit * size : (unit + 1) * size] = row
+    pressed = np.tile([[1.0, *np.zeros(shears)]], (len(ways), 1))
+    sheared = np.hstack([np.zeros((len(ways), 1)), ways])
+    cones = kron(identity(units), sheared) - kron(diags(model.friction), pressed)
     count = len(model.dead)
     typical = model.force
     one = identity(count)
     balance = bmat([[model.transposed, csr_matrix(model.live[:, None] / model.load), one, -one]])
-    none = csr_matrix((len(cones), 1 + 2 * count))
+    none = csr_matrix((cones.shape[0], 1 + 2 * count))
     found = linprog(
         np.concatenate([np.zeros(units * size + 1), np.ones(2 * count)]),
-        A_ub=bmat([[csr_matrix(cones), none]]),
+        A_ub=bmat([[cones, none]]),
         b_ub=np.repeat(model.strength / typical, len(ways)),
         A_eq=balance,
         b_eq=-model.dead / typical,

@@ -1,0 +1,120 @@
+"""What is told of the way after the peak, and where it ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact.errors import Stopped
+from fenics_contact.motion.check import Spectrum, nonlinear_check
+from tests.motion.structures import box, in_plane, way_down
+
+#: A lintel that bears 0.2 m on either side of a door, and where it lies.
+LINTEL = [box(0, 0, 2.0, 0.3), box(-1.0, -1.0, 0.2, 0), box(1.8, -1.0, 3.0, 0)]
+
+
+@pytest.fixture(scope="module")
+def wall():
+    return way_down(in_plane([box(0, 0, 0.5, 5.0)]))
+
+
+def test_first_point_is_the_limit(wall):
+    assert wall.fine.points[0].load_factor == pytest.approx(0.1, abs=1e-7)
+    assert wall.fine.points[0].displacement == 0.0
+
+
+def test_sentence_tells_the_way(wall):
+    assert wall.sentence == (
+        "after the peak: 0.1 at once, 0.0597 at 0.2 m, nothing at 0.498 m (block b0 at (0.5, 5))"
+    )
+    assert "the energy closes to" in wall.checks
+
+
+def test_record_and_rows_have_every_point(wall):
+    record = wall.record()
+    assert record["zero"] == wall.end
+    assert record["end"]["why"] == "nothing left"
+    assert len(record["points"]) == len(wall.fine.points)
+    rows = list(wall.rows())
+    assert len(rows) == 1 + len(wall.fine.points)
+    assert rows[0].startswith("displacement,load_factor")
+
+
+def test_every_point_has_a_proved_gap(wall):
+    assert max(point.gap for point in wall.fine.points) < 1e-3
+
+
+def test_path_ends_where_it_is_asked_to():
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)]), until=0.1)
+    assert found.fine.why == "displacement"
+    assert 0.1 <= found.end < 0.2
+
+
+def test_control_point_can_be_chosen(wall):
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)]), control=[0.0, 5.0])
+    assert found.place == pytest.approx((0.0, 5.0))
+    assert found.end == pytest.approx(0.5, abs=1e-3)
+    assert found.end > wall.end
+
+
+def test_lintel_loses_its_bearing():
+    """It is proved that no load factor holds it behind the end."""
+    found = way_down(in_plane(LINTEL, fixed=[1, 2], friction=0.3))
+    assert found.fine.why == "support lost"
+    assert found.end == pytest.approx(0.2, abs=2e-3)
+    assert found.lost == ("b0",)
+    assert found.sentence.endswith(
+        "0.3 at 0.199 m, where block b0 loses its support (block b0 at (2, 0.3))"
+    )
+    assert [point.load_factor for point in found.fine.points] == pytest.approx(
+        [0.3] * len(found.fine.points), abs=1e-6
+    )
+
+
+def test_strengths_that_are_not_followed_are_named():
+    joints = {"default": {"friction": 0.7, "cohesion": 1e4}}
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)], joints=joints))
+    assert found.left_out == ("cohesion and tensile strength",)
+    assert any("without cohesion" in text for text in found.sentences())
+    assert found.fine.points[0].load_factor == pytest.approx(0.1, abs=1e-6)
+
+
+def test_stopped_path_keeps_its_points():
+    asked = []
+
+    def check_stop():
+        asked.append(1)
+        if len(asked) > 6:
+            raise Stopped("enough")
+
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)]), check_stop=check_stop)
+    assert found.fine.why == "enough"
+    assert len(found.fine.points) > 3
+
+
+@pytest.mark.parametrize(
+    ("state", "displacement", "period", "ground"),
+    [("SLV", 0.09950, 2.5229, 0.1529), ("SLC", 0.14926, 3.5140, 0.2198)],
+)
+def test_check_of_the_code_by_hand(wall, state, displacement, period, ground):
+    """A wall of 0.5 x 5 m with FC 1.35 on a soil with S 1.2, F_0 2.5, T_C 0.45 s."""
+    shift, factor = wall.fine.curve
+    check = nonlinear_check(
+        factor,
+        shift,
+        np.array([5000.0]),
+        np.array([0.5]),
+        1.0,
+        Spectrum(0.16 * 9.81, 1.2, 2.5, 0.45),
+        gravity=9.81,
+        confidence=1.35,
+        limit_state=state,
+    )
+    assert check.zero == pytest.approx(0.24876, abs=5e-6)
+    assert check.displacement == pytest.approx(displacement, abs=5e-6)
+    assert check.period == pytest.approx(period, abs=1e-4)
+    assert check.ground / 9.81 == pytest.approx(ground, abs=5e-5)
+    assert check.start / 9.81 == pytest.approx(0.0617, abs=5e-5)
+    assert check.verdict == ("NOT enough" if state == "SLV" else "enough")
+    assert check.sentence.startswith(f"non-linear check: d_{state} ")
+    assert len(check.table()) == 8
