@@ -231,13 +231,15 @@ class Follower:
         """The state of a step from some poses, from the forces of the stage before."""
         bodies = self.bodies
         units = bodies.sides.near(poses, REACH * step)
+        if not units.key:
+            raise SolverError(SUPPORT_LOST)
         model = face_model(bodies, units, poses, self._longest)
         gaps = np.zeros(model.shape[0])
         gaps[: len(units.key)] = units.at(poses)[2][:, 0]
         known = before.forces
         none = np.zeros(model.shape[1])
         ties = before.state.force[len(before.units.key) :]
-        begin = np.vstack([*(known.get(key, none) for key in units.key), *ties])
+        begin = np.array([*(known.get(key, none) for key in units.key), *ties])
         speed = bodies.speed(before.state.mode)
         for _ in range(3):
             work = step / speed
