@@ -116,8 +116,10 @@ class Beyond:
         here, factor = self.fine.curve
         most = float(here[factor.argmax()])
         rises = factor.max() > (1.0 + SAME_END) * abs(factor[0]) and most < end
+        if end <= 0.0 and self.fine.why == NOTHING_LEFT:
+            return "after the peak: nothing"
         middle = most if rises else float(f"{0.4 * end:.2g}")
-        goes += f", {self._amount(middle)} at {middle:.3g} m" * (end > 0.0)
+        goes += f", {self._amount(middle)} at {middle:.3g} m"
         last = f"{self._amount(end)} at {end:.3g} m"
         where = "" if self.driven else f" (block {self.block} at {_place(self.place)})"
         if not self.agrees:

@@ -183,7 +183,9 @@ class Follower:
             stage = self.drawn(step)
             scale = abs(stage.state.load_factor) or 1.0
             points.append(self._point(stage, 0.0, ""))
-            stage = self._stage(stage.poses, step, stage)
+            end = End(self._ended(points, scale))
+            if not end.why:
+                stage = self._stage(stage.poses, step, stage)
             while not end.why:
                 self.check_stop()
                 following = self._following(stage, scale, step)
