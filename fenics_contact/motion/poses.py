@@ -130,7 +130,7 @@ class Ties:
 
     def __init__(self, bars: tuple[Bar, ...], start: Poses) -> None:
         self.block = np.array([bar.blocks for bar in bars], dtype=int).reshape(-1, 2)
-        ends = np.array([bar.tie.ends for bar in bars]).reshape(-1, 2, 3)
+        ends = np.array([bar.ends for bar in bars]).reshape(-1, 2, 3)
         self.arm = np.stack([ends[:, k] - start.centroid[self.block[:, k]] for k in (0, 1)], axis=1)
         self.length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         self.stiffness = np.array([bar.tie.stiffness or 0.0 for bar in bars])

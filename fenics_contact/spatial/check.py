@@ -53,7 +53,8 @@ def description(scene: BlockScene, structure: Structure) -> str:
     for name, movement in scene.dead.movement.items():
         lines.append(f"{name} {movement_text(movement, units)}")
     for key, one in structure.acting.items():
-        lines.append(f"{key}: on {one.on}, resultant {resultant(one.force)}")
+        if one.on:
+            lines.append(f"{key}: on {one.on}, resultant {resultant(one.force)}")
     for name, load in (("dead", structure.dead), ("live", structure.live)):
         lines.append(f"{name} load: resultant {resultant(load[:, :3])}")
     return "\n".join(lines)

@@ -80,7 +80,7 @@ class Structure:
         warnings: Of its geometry.
         doubts: Those of the warnings that say what is not understood: while there are some, nothing
             is proved to fall.
-        acting: Tractions, forces and floors by their keys.
+        acting: All forces by their keys: weights, tractions, forces and floors.
         dimension: 2 or 3.
     """
 
