@@ -546,6 +546,8 @@ class SolveOptions(Checked):
             no larger than 250 MB: each holds the whole mesh, and they share the tasks. Of the
             command line; a scene made in Python shares its mesh as `BlockMesh` was given ranks.
         quick: Forces at the corners of contacts alone: torsion is not limited.
+        beyond: Follow the collapse in large displacements until nothing is left; or a displacement
+            of the control point, m, up to which.
     """
 
     method: str = one_of("auto", "fixed-point", "monolithic", "splitting", "active-set", of="mesh")
@@ -570,6 +572,11 @@ class SolveOptions(Checked):
         rule(lambda v: 0.0 < v <= 2.0, "must lie in 0 ... 2"), None, of="mesh"
     )
     quick: bool = only("blocks", False)
+    beyond: bool | float = ruled(
+        rule(lambda v: 0.0 <= v < math.inf, "must be true, false or a displacement (m)"),
+        False,
+        of="blocks",
+    )
 
     @property
     def asked_gap(self) -> float:
@@ -583,7 +590,7 @@ class SolveOptions(Checked):
         for given, text in (
             *((self.fast and getattr(self, name),
                f"{name} = true needs fast = false: fast leaves it out")
-              for name in ("peak", "lowest", "range", "error")),
+              for name in ("peak", "lowest", "range", "error", "beyond")),
             (self.fast and self.states == "lowest", "states = 'lowest' needs fast = false"),
             (self.relaxation is not None and self.method not in BY_FIXED_POINT,
              f"relaxation needs method = {' or '.join(map(repr, BY_FIXED_POINT))}"),
@@ -614,6 +621,8 @@ class OutputOptions(Checked):
         report: report.html, all of the result on one page.
         units: Of what people read: "SI": N, Pa and m on the console, kN, MPa and m in the report;
             "m": kN, MPa and m in both; "mm": likewise with lengths in mm. Files are in SI units.
+        control: Place of the control point of `solve.beyond`, m; None: the highest corner that
+            moves.
     """
 
     paraview: bool = True
@@ -622,6 +631,7 @@ class OutputOptions(Checked):
     capacity: int = ruled(within(0, 1000, "must lie in 0 ... 1000"), 0)
     report: bool = False
     units: str = "SI"
+    control: Vector | None = ruled(require_vector, None, of="blocks")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -644,10 +654,36 @@ class Seismic(Checked):
         confidence_factor: FC, by which the capacity is divided: 1.35, 1.2 or 1 for the levels of
             knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
         demand: Spectral acceleration that the code asks for, m/s2; None: no verdict.
+        nonlinear: Make the check by displacements, too, along `solve.beyond`.
+        spectrum: On the ground: a_g over g, S, F0 and TC, s; or periods, s, and accelerations, m/s2,
+            with 5 % damping, from T = 0 on.
+        limit_state: "SLV" or "SLC", of that check.
+        lost: Displacement of the control point at which supports are lost, m.
     """
 
     confidence_factor: float = ruled(within(1.0, 10.0, "must lie in 1 ... 10"), 1.35)
     demand: float | None = ruled(POSITIVE, None)
+    nonlinear: bool = only("blocks", False)
+    spectrum: Mapping[str, float] | tuple[tuple[float, float], ...] | None = only("blocks")
+    limit_state: str = one_of("SLV", "SLC", of="blocks")
+    lost: float | None = ruled(POSITIVE, None, of="blocks")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        spectrum = self.spectrum or ()
+        require(not self.nonlinear or bool(spectrum), "nonlinear = true needs spectrum")
+        keys = ("ag", "S", "F0", "TC")
+        if isinstance(spectrum, Mapping):
+            given = set(spectrum) == set(keys)
+            require(given, f"spectrum = {dict(spectrum)} must have the keys {', '.join(keys)}")
+            for key, value in spectrum.items():
+                POSITIVE(f"spectrum.{key}", value)
+            return
+        for pair in spectrum:
+            require_vector("spectrum", pair)
+        rises = all(low[0] < high[0] for low, high in pairwise(spectrum))
+        text = "spectrum must be pairs [period, acceleration] that rise from [0, above 0]"
+        require(not spectrum or (rises and spectrum[0][0] == 0.0 < spectrum[0][1]), text)
 
 
 class _Own:
