@@ -17,8 +17,10 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.motion.path import (
     FIRST,
     NO_STATE,
+    NOTHING,
     NOTHING_LEFT,
     SUPPORT_LOST,
+    BeyondPoint,
     Follower,
     Trace,
     control_corner,
@@ -103,8 +105,13 @@ class Beyond:
         without = f"after the peak without {' and '.join(self.left_out)}"
         return [self.sentence, self.checks, *[without] * bool(self.left_out)]
 
+    def amount(self, point: BeyondPoint) -> str:
+        """Load factor of a point, or the force on the ground, in words."""
+        return self._amount(point.displacement)
+
     def _amount(self, displacement: float) -> str:
         value = self.at(displacement)
+        value *= abs(value) > NOTHING * abs(self.fine.points[0].load_factor)
         return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
 
     @property
