@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from fenics_contact.motion.path import (
     NOTHING,
     NOTHING_LEFT,
     SUPPORT_LOST,
-    BeyondPoint,
     Follower,
     Trace,
     control_corner,
@@ -49,6 +49,7 @@ class Beyond:
         block: Name of the block of the control point.
         place: Control point as drawn, m.
         along: Unit vector of its displacement, that of the live load.
+        velocity: Of the control point along it in a mode of the blocks, shape (blocks, 6).
         driven: Whether the ground moves on: load factors are then what the structure presses it
             with along its way, N.
         fine: Path by steps half as long: what is told.
@@ -60,6 +61,7 @@ class Beyond:
     block: str
     place: tuple[float, ...]
     along: tuple[float, ...]
+    velocity: Callable[[Array], float]
     driven: bool
     fine: Trace
     coarse: Trace
@@ -105,11 +107,8 @@ class Beyond:
         without = f"after the peak without {' and '.join(self.left_out)}"
         return [self.sentence, self.checks, *[without] * bool(self.left_out)]
 
-    def amount(self, point: BeyondPoint) -> str:
-        """Load factor of a point, or the force on the ground, in words."""
-        return self._amount(point.displacement)
-
-    def _amount(self, displacement: float) -> str:
+    def amount(self, displacement: float) -> str:
+        """Load factor at a displacement, or the force on the ground, in words."""
         value = self.at(displacement)
         value *= abs(value) > NOTHING * abs(self.fine.points[0].load_factor)
         return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
@@ -119,15 +118,15 @@ class Beyond:
         """The way in one sentence."""
         end = self.end if self.agrees else self.until
         goes = "as the ground moves on it is pressed with" if self.driven else "after the peak:"
-        goes += f" {self._amount(0.0)} at once"
+        goes += f" {self.amount(0.0)} at once"
         here, factor = self.fine.curve
         most = float(here[factor.argmax()])
         rises = factor.max() > (1.0 + SAME_END) * abs(factor[0]) and most < end
         if end <= 0.0 and self.fine.why == NOTHING_LEFT:
             return "after the peak: nothing"
         middle = most if rises else float(f"{0.4 * end:.2g}")
-        goes += f", {self._amount(middle)} at {middle:.3g} m"
-        last = f"{self._amount(end)} at {end:.3g} m"
+        goes += f", {self.amount(middle)} at {middle:.3g} m"
+        last = f"{self.amount(end)} at {end:.3g} m"
         where = "" if self.driven else f" (block {self.block} at {_place(self.place)})"
         if not self.agrees:
             one, other = sorted([self.end, self.other_end])
@@ -229,12 +228,18 @@ def beyond(
         names[block],
         tuple(place.tolist()),
         tuple(structure.told(along).tolist()),
+        partial(_velocity, block, arm, along),
         driven is not None,
         fine,
         coarse,
         tuple(_left_out(structure)),
         tuple(names[k] for k in fine.lost),
     )
+
+
+def _velocity(block: int, arm: Array, along: Array, mode: Array) -> float:
+    """Of a place fixed to a block along a unit vector in a mode."""
+    return float((mode[block, :3] + np.cross(mode[block, 3:], arm)) @ along)
 
 
 def _driven(structure: Structure) -> Array | None:

@@ -163,42 +163,29 @@ class NonlinearCheck:
 
 
 def nonlinear_check(
-    multiplier: Array,
-    control: Array,
-    mass: Array,
-    displacement: Array,
-    control_displacement: float,
+    shift: Array,
+    acceleration: Array,
     spectrum: Spectrum,
     *,
     gravity: float,
-    confidence: float,
     limit_state: str = "SLV",
     lost: float = math.inf,
     whole: bool = True,
 ) -> NonlinearCheck:
-    """The check of a curve alpha(d_C).
+    """The check of an oscillator.
 
     Args:
-        multiplier: alpha, horizontal forces over weights, at rising displacements.
-        control: d_C, m.
-        mass: Of the parts that are pushed, kg.
-        displacement: delta, of their centres along the push, as the motion starts.
-        control_displacement: delta_C, of the control point.
+        shift: d at rising displacements, m.
+        acceleration: a, m/s2.
         spectrum: On the ground.
         gravity: m/s2.
-        confidence: FC.
         limit_state: A key of `LIMIT_STATES`.
-        lost: Displacement of the control point at which supports are lost, m.
+        lost: d at which supports are lost, m.
         whole: Whether the curve ends where nothing is left.
     """
-    first, second = float(mass @ displacement), float(mass @ displacement**2)
-    fraction = first**2 / (float(mass.sum()) * second)
-    ratio = second / (control_displacement * first)
-    acceleration = multiplier * gravity / (fraction * confidence)
-    shift = control * ratio
     zero = float(shift[-1])
     part, factor, damping = LIMIT_STATES[limit_state]
-    at = min(part * zero, lost * ratio)
+    at = min(part * zero, lost)
     there = float(np.interp(at, shift, acceleration))
     period = factor * math.pi * math.sqrt(at / there)
     start = float(acceleration[0]) / spectrum.acceleration(0.0, USUAL, 1.0, gravity)

@@ -77,7 +77,9 @@ def draw_beyond(
             axes = figure.add_subplot(grid[number // 2, 1 + number % 2])
             draw_view(axes, posed(view, point), turn)
             axes.plot(*(point.pressed @ turn[:2].T).T, ".", color=VERMILLION, ms=3.0)
-            axes.set_title(f"{point.displacement:.3g} m: {beyond.amount(point)}", fontsize=9)
+            axes.set_title(
+                f"{point.displacement:.3g} m: {beyond.amount(point.displacement)}", fontsize=9
+            )
         title = f"{view.title}\nafter the peak" if view.title else "after the peak"
         save_figure(figure, title, picture_paths(folder / name, formats))
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from fenics_contact.motion.beyond import Beyond, beyond
-from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial import Scene
+from fenics_contact.spatial.limit import collapse_of
 
 GRAVITY = 9.81
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from fenics_contact.errors import Stopped
@@ -100,14 +99,10 @@ def test_check_of_the_code_by_hand(wall, state, displacement, period, ground):
     """A wall of 0.5 x 5 m with FC 1.35 on a soil with S 1.2, F_0 2.5, T_C 0.45 s."""
     shift, factor = wall.fine.curve
     check = nonlinear_check(
-        factor,
-        shift,
-        np.array([5000.0]),
-        np.array([0.5]),
-        1.0,
+        0.5 * shift,
+        factor * 9.81 / 1.35,
         Spectrum(0.16 * 9.81, 1.2, 2.5, 0.45),
         gravity=9.81,
-        confidence=1.35,
         limit_state=state,
     )
     assert check.zero == pytest.approx(0.24876, abs=5e-6)

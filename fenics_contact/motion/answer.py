@@ -1,0 +1,90 @@
+"""The way after the peak as an answer of a collapse, and the check of the code along it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.answers.seismic import SeismicCheck
+from fenics_contact.motion.beyond import Beyond, beyond
+from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
+from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.wording import Line, Wording
+from fenics_contact.scene.units import Units
+from fenics_contact.spatial.scene import BlockScene
+from fenics_contact.spatial.structure import Structure
+
+#: Title of its table.
+TITLE = "After the peak"
+
+
+class BeyondAnswer(Answer):
+    """What is left of a limit in large displacements, a `Beyond`."""
+
+    value: Beyond
+    name = key = "beyond"
+    place = 8
+    begins = "after the peak"
+    by_direction = True
+
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """The way, and how far it is to be trusted."""
+        told = self.value.sentences()
+        return [Line("", told[0]), *(Line("", text, verbose=True) for text in told[1:])]
+
+    def table(self, end: Collapse, units: Units) -> Table:
+        """Load factors at parts of the way."""
+        found = self.value
+        points = [found.end * part for part in (0.0, 0.25, 0.5, 0.75, 1.0)]
+        rows = [(f"{at:.3g} m", found.amount(at)) for at in points]
+        return Table(rows, TITLE, ("displacement", "carried"), " ".join(found.sentences()) + ".")
+
+    def record(self) -> dict[str, Any]:
+        """For result.json."""
+        return self.value.record()
+
+
+def beyond_of(
+    scene: BlockScene, structure: Structure, found: Collapse, check_stop: Callable[[], None]
+) -> Beyond | None:
+    """The way of a limit as far as a scene asks for it."""
+    asked = scene.solve.beyond
+    until = math.inf if isinstance(asked, bool) else float(asked)
+    return beyond(
+        structure, found, until=until, control=scene.output.control, check_stop=check_stop
+    )
+
+
+def check_along(
+    scene: BlockScene, structure: Structure, found: Collapse, way: Beyond, start: SeismicCheck
+) -> NonlinearCheck | None:
+    """The non-linear check of a limit, whose mechanism starts as is known.
+
+    The control point is that of the scene; by default the mean of the masses that are pushed, whose
+    displacement is the live load's work over its force.
+    """
+    options = scene.seismic
+    if options is None or options.spectrum is None or way.driven or found.mode is None:
+        return None
+    gravity, push = (float(np.linalg.norm(load.acceleration)) for load in (scene.dead, scene.live))
+    here, factor = way.fine.curve
+    ratio = 1.0 / start.mass_fraction
+    if scene.output.control is None:
+        work = np.array([point.work for point in way.fine.points])
+        here = work / (start.moving_mass * push)
+    else:
+        moment = float(np.vdot(structure.live, found.mode)) * found.sign / push
+        ratio = moment / (start.participating_mass * way.velocity(found.mode))
+    lost = math.inf if options.lost is None else options.lost
+    return nonlinear_check(
+        np.abs(here) * ratio,
+        np.abs(factor) * push / (start.mass_fraction * options.confidence_factor),
+        Spectrum.of(options.spectrum, gravity),
+        gravity=gravity,
+        limit_state=options.limit_state,
+        lost=lost * ratio,
+        whole=way.zero is not None,
+    )
