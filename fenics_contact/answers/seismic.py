@@ -13,8 +13,8 @@ displacement in the mode of the centre of these forces, along them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 
@@ -49,6 +49,7 @@ class SeismicCheck:
         acceleration: a_0*, m/s2.
         acceleration_g: a_0* / g.
         demand: Spectral acceleration asked for, m/s2; None: not given.
+        nonlinear: Check by displacements, a `motion.check.NonlinearCheck`; None: none was made.
     """
 
     multiplier: float
@@ -60,6 +61,7 @@ class SeismicCheck:
     acceleration: float
     acceleration_g: float
     demand: float | None = None
+    nonlinear: Any = field(default=None, repr=False)
 
     @property
     def value_and_verdict(self) -> str:
@@ -132,6 +134,11 @@ class SeismicAnswer(Asked):
         check = seismic_check(view, options, end.load_factor, gravity, push)
         return None if check is None else cls(check), end
 
+    def record(self) -> dict[str, Any]:
+        """The fields of the check, and the non-linear one where it was made."""
+        further = self.value.nonlinear
+        return super().record() | ({"nonlinear": further.record()} if further else {})
+
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The acceleration, and what it comes of."""
         check = self.value
@@ -146,6 +153,7 @@ class SeismicAnswer(Asked):
         return [
             Line(starts, check.value_and_verdict),
             Line("a0* comes of", comes_of, verbose=True),
+            *([Line("non-linear check:", check.nonlinear.text)] if check.nonlinear else []),
         ]
 
     def table(self, end: Collapse, units: Units) -> Table:
@@ -163,7 +171,7 @@ class SeismicAnswer(Asked):
                 check.value_and_verdict,
             ),
         ]
-        return Table(rows, TITLE)
+        return Table(rows + (check.nonlinear.table() if check.nonlinear else []), TITLE)
 
 
 def seismic_check(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,11 @@ import numpy as np
 from fenics_contact.answers.seismic import SeismicCheck
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
+from fenics_contact.motion.files import draw_beyond, write_table
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
+from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
@@ -32,8 +37,11 @@ class BeyondAnswer(Answer):
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The way, and how far it is to be trusted."""
-        told = self.value.sentences()
-        return [Line("", told[0]), *(Line("", text, verbose=True) for text in told[1:])]
+        way = self.value
+        lines = [Line(way.head, way.text)]
+        if way.left_out:
+            lines.append(Line("after the peak is left out:", " and ".join(way.left_out)))
+        return [*lines, Line("the way after the peak:", way.checks, verbose=True)]
 
     def table(self, end: Collapse, units: Units) -> Table:
         """Load factors at parts of the way."""
@@ -46,16 +54,35 @@ class BeyondAnswer(Answer):
         """For result.json."""
         return self.value.record()
 
+    def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
+        """Write beyond.csv, and beyond.png where pictures are asked for."""
+        write_table(self.value, folder / f"beyond{view.suffix}.csv")
+        if output.pictures:
+            draw_beyond(self.value, view, folder, output.formats)
 
-def beyond_of(
-    scene: BlockScene, structure: Structure, found: Collapse, check_stop: Callable[[], None]
-) -> Beyond | None:
-    """The way of a limit as far as a scene asks for it."""
+
+def asks_beyond(scene: BlockScene) -> bool:
+    """Whether a scene asks for the way after the peak, or for what needs it."""
+    seismic = scene.seismic
+    return bool(scene.solve.beyond) or (seismic is not None and seismic.nonlinear)
+
+
+def with_beyond(
+    scene: BlockScene,
+    structure: Structure,
+    found: Collapse,
+    start: SeismicCheck | None,
+    check_stop: Callable[[], None],
+) -> tuple[Collapse, SeismicCheck | None]:
+    """A limit with its way, and its seismic check with the non-linear one."""
     asked = scene.solve.beyond
     until = math.inf if isinstance(asked, bool) else float(asked)
-    return beyond(
-        structure, found, until=until, control=scene.output.control, check_stop=check_stop
-    )
+    way = beyond(structure, found, until=until, control=scene.output.control, check_stop=check_stop)
+    if way is None:
+        return found, start
+    if start is not None and len(way.fine.points) > 1:
+        start = replace(start, nonlinear=check_along(scene, structure, found, way, start))
+    return found.with_answer(BeyondAnswer(way)), start
 
 
 def check_along(
@@ -67,7 +94,7 @@ def check_along(
     displacement is the live load's work over its force.
     """
     options = scene.seismic
-    if options is None or options.spectrum is None or way.driven or found.mode is None:
+    if options is None or not options.nonlinear or options.spectrum is None or way.driven:
         return None
     gravity, push = (float(np.linalg.norm(load.acceleration)) for load in (scene.dead, scene.live))
     here, factor = way.fine.curve
@@ -76,8 +103,9 @@ def check_along(
         work = np.array([point.work for point in way.fine.points])
         here = work / (start.moving_mass * push)
     else:
-        moment = float(np.vdot(structure.live, found.mode)) * found.sign / push
-        ratio = moment / (start.participating_mass * way.velocity(found.mode))
+        mode = np.asarray(found.mode)
+        moment = float(np.vdot(structure.live, mode)) * found.sign / push
+        ratio = moment / (start.participating_mass * way.velocity(mode))
     lost = math.inf if options.lost is None else options.lost
     return nonlinear_check(
         np.abs(here) * ratio,

@@ -104,8 +104,8 @@ class Beyond:
 
     def sentences(self) -> list[str]:
         """What people are told: the way, how far it is to be trusted, what it leaves out."""
-        without = f"after the peak without {' and '.join(self.left_out)}"
-        return [self.sentence, self.checks, *[without] * bool(self.left_out)]
+        without = f"this leaves out {' and '.join(self.left_out)}"
+        return [f"{self.head} {self.text}", *[without] * bool(self.left_out), self.checks]
 
     def amount(self, displacement: float) -> str:
         """Load factor at a displacement, or the force on the ground, in words."""
@@ -114,16 +114,20 @@ class Beyond:
         return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
 
     @property
-    def sentence(self) -> str:
-        """The way in one sentence."""
+    def head(self) -> str:
+        """What the way is of, in words."""
+        return "as the ground moves on it is pressed with" if self.driven else "after the peak:"
+
+    @property
+    def text(self) -> str:
+        """The way in words, behind `head`."""
         end = self.end if self.agrees else self.until
-        goes = "as the ground moves on it is pressed with" if self.driven else "after the peak:"
-        goes += f" {self.amount(0.0)} at once"
+        goes = f"{self.amount(0.0)} at once"
         here, factor = self.fine.curve
         most = float(here[factor.argmax()])
         rises = factor.max() > (1.0 + SAME_END) * abs(factor[0]) and most < end
         if end <= 0.0 and self.fine.why == NOTHING_LEFT:
-            return "after the peak: nothing"
+            return "nothing"
         middle = most if rises else float(f"{0.4 * end:.2g}")
         goes += f", {self.amount(middle)} at {middle:.3g} m"
         last = f"{self.amount(end)} at {end:.3g} m"

@@ -119,12 +119,12 @@ class NonlinearCheck:
         return "enough" if self.ground >= self.demand else "NOT enough"
 
     @property
-    def sentence(self) -> str:
+    def text(self) -> str:
         """What people are told."""
         g = self.gravity
         cut = "" if self.whole else "; d_0 is the end of the path, where something is left"
         return (
-            f"non-linear check: d_{self.limit_state} {self.displacement:.4g} m, T"
+            f"d_{self.limit_state} {self.displacement:.4g} m, T"
             f" {self.period:.4g} s: it stands a_g = {self.ground / g:.4g} g on the ground"
             f" ({self.demand / g:.4g} g asked for: {self.verdict}){cut}"
         )

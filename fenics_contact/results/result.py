@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.bounds import (
     FROM_RIGID,
     WITHOUT_PATH,
@@ -56,7 +58,7 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.wording import Line, Wording, meant, wording_of
-from fenics_contact.scene.scene import CRUSHING, Scene
+from fenics_contact.scene.scene import CRUSHING, OutputOptions, Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -144,6 +146,19 @@ class Answer(ABC):
     def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
         """Points on a capacity curve: text, displacement (m) and load factor."""
         yield from ()
+
+    def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
+        """Write files of its own beside result.json, of blocks without a mesh.
+
+        Args:
+            folder: Where to, which is there.
+            view: Of the collapse.
+            output: What is asked for.
+
+        Raises:
+            OSError: If a file cannot be written.
+        """
+        return
 
     def in_bracket(self, end: Collapse) -> Answer:
         """The answer once the bracket of its collapse is known. Collective."""

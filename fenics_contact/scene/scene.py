@@ -655,8 +655,8 @@ class Seismic(Checked):
             knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
         demand: Spectral acceleration that the code asks for, m/s2; None: no verdict.
         nonlinear: Make the check by displacements, too, along `solve.beyond`.
-        spectrum: On the ground: a_g over g, S, F0 and TC, s; or periods, s, and accelerations, m/s2,
-            with 5 % damping, from T = 0 on.
+        spectrum: On the ground: a_g over g, S, F0 and TC, s; or periods, s, and accelerations,
+            m/s2, with 5 % damping, from T = 0 on.
         limit_state: "SLV" or "SLC", of that check.
         lost: Displacement of the control point at which supports are lost, m.
     """

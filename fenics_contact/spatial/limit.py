@@ -29,6 +29,7 @@ from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
+from fenics_contact.motion.answer import BeyondAnswer, asks_beyond, with_beyond
 from fenics_contact.results.bounds import LimitBounds, rounded
 from fenics_contact.results.history import CollapseState, Lowest, Peak, Trial
 from fenics_contact.results.result import Collapse, known_bounds
@@ -161,7 +162,12 @@ def _solved(
             found = _with_upper(structure, found, model)
     except (Stopped, SolverError) as stopped:
         found = replace(found, stopped=str(stopped))
-    check = seismic_check(structure, found, scene) if found.status == "limit" else None
+    if found.status != "limit":
+        return found
+    check = seismic_check(structure, found, scene)
+    if asks_beyond(scene) and not found.stopped:
+        tell(BeyondAnswer.begins)
+        found, check = with_beyond(scene, structure, found, check, check_stop)
     return found if check is None else found.with_answer(SeismicAnswer(check))
 
 

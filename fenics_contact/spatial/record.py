@@ -46,11 +46,15 @@ class BlockLimitLoad(SpatialLimit):
         output = self.scene.output
 
         def draw(hidden: Path) -> list[str]:
+            views = views_of(self)
+            for name, end in self.limits.items() if not hurry() else ():
+                for answer in end.told:
+                    answer.write(hidden, views[name], output)
             if output.paraview and not hurry():
                 write_fields(self, hidden)
             if output.pictures and not hurry():
                 draw_collapse(self, hidden, output.formats)
-                write_viewer(views_of(self), hidden)
+                write_viewer(views, hidden)
             if self.capacity:
                 write_capacity(self, hidden)
             return []

@@ -120,7 +120,7 @@ def test_semicircle_on_spreading_springers(thickness, end):
     assert found.driven
     thrust = [point.load_factor / weight for point in found.fine.points]
     assert np.all(np.diff(thrust) > 0.0)
-    assert "it is pressed with" in found.sentence
+    assert "it is pressed with" in found.head
 
 
 @pytest.mark.slow
