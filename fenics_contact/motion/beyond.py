@@ -110,7 +110,8 @@ class Beyond:
     def amount(self, displacement: float) -> str:
         """Load factor at a displacement, or the force on the ground, in words."""
         value = self.at(displacement)
-        value *= abs(value) > NOTHING * abs(self.fine.points[0].load_factor)
+        small = abs(value) <= NOTHING * abs(self.fine.points[0].load_factor)
+        value = 0.0 if small else value
         return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
 
     @property

@@ -44,7 +44,8 @@ def posed(view: BlockView, point: BeyondPoint) -> BlockView:
         drawn = np.vstack([bodies.centroid, np.zeros(3)])[numbers]
         ends[:, end] = poses.placed(numbers, ends[:, end] - drawn)
     moved = replace(bodies, pieces=pieces, centroid=poses.centroid[:-1])
-    return replace(view, bodies=moved, motion=np.zeros_like(view.motion), tie_ends=ends)
+    nothing = {"motion": np.zeros_like(view.motion), "live": np.zeros_like(view.live)}
+    return replace(view, bodies=moved, tie_ends=ends, **nothing)
 
 
 def shown_points(beyond: Beyond) -> list[BeyondPoint]:

@@ -33,7 +33,7 @@ FLOORS = (
     {"results"},
     {"collapse", "output", "console"},
     {"answers", "accuracy"},
-    {"equilibrium", "limit_load", "spatial"},
+    {"equilibrium", "limit_load", "motion", "spatial"},
     {"sweeps"},
     {"cli"},
     {"__main__"},
