@@ -54,7 +54,9 @@ for point in way.fine.points:
     length = np.linalg.norm(line)
     pull = np.clip(STIFF * (length - FAR), 0.0, YIELD) * line / length
     moment = weight * radius * np.sin(slender - angle) + arm[0] * pull[2] - arm[2] * pull[0]
-    worst = max(worst, abs(point.load_factor - moment / (weight * radius * np.cos(slender - angle))))
+    worst = max(
+        worst, abs(point.load_factor - moment / (weight * radius * np.cos(slender - angle)))
+    )
 print(f"{len(way.fine.points)} points, at most {worst:.1e} off the balance of moments")
 if not worst < 1e-6:
     raise SystemExit("the way after the peak should be that by hand")

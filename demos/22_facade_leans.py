@@ -31,7 +31,9 @@ result.write(FOLDER)
 print(result.summary())
 way = result.collapse.beyond
 print(way.checks)
-if not (way.agrees and way.zero and abs(way.fine.points[0].load_factor - result.load_factor) < 1e-6):
+if not (
+    way.agrees and way.zero and abs(way.fine.points[0].load_factor - result.load_factor) < 1e-6
+):
     raise SystemExit("both paths should begin at the limit and come to one end")
 
 print(f"pictures: {FOLDER}/beyond.png")

@@ -13,7 +13,7 @@ import numpy as np
 from fenics_contact.answers.seismic import SeismicCheck
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
-from fenics_contact.motion.files import draw_beyond, write_table
+from fenics_contact.motion.files import draw_beyond, write_poses, write_table
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
@@ -55,8 +55,10 @@ class BeyondAnswer(Answer):
         return self.value.record()
 
     def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
-        """Write beyond.csv, and beyond.png where pictures are asked for."""
+        """Write beyond.csv, and what is asked for of beyond.pvd and beyond.png."""
         write_table(self.value, folder / f"beyond{view.suffix}.csv")
+        if output.paraview:
+            write_poses(self.value, view, folder)
         if output.pictures:
             draw_beyond(self.value, view, folder, output.formats)
 

@@ -17,6 +17,7 @@ from fenics_contact.output.plotting import BLUE, DPI, VERMILLION, save_figure
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.spatial.picture import VIEWS, axes_to, draw_view
 from fenics_contact.spatial.polyhedra import Polyhedron
+from fenics_contact.spatial.vtu import write_series
 
 #: Poses that the picture shows, in parts of the way.
 SHOWN = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
@@ -48,18 +49,25 @@ def posed(view: BlockView, point: BeyondPoint) -> BlockView:
     return replace(view, bodies=moved, tie_ends=ends, **nothing)
 
 
-def shown_points(beyond: Beyond) -> list[BeyondPoint]:
+def shown_points(beyond: Beyond, parts: Sequence[float] = SHOWN) -> list[BeyondPoint]:
     """Points at parts of the way, each once."""
     points = beyond.fine.points
     here = np.array([point.displacement for point in points])
-    numbers = [int(np.abs(here - part * here[-1]).argmin()) for part in SHOWN]
+    numbers = [int(np.abs(here - part * here[-1]).argmin()) for part in parts]
     return [points[number] for number in dict.fromkeys(numbers)]
+
+
+def write_poses(beyond: Beyond, view: BlockView, folder: Path) -> None:
+    """Write beyond.pvd with the poses at tenths of the way, at their displacements."""
+    shown = shown_points(beyond, np.linspace(0.0, 1.0, 11).tolist())
+    poses = ((point.displacement, posed(view, point).bodies.corner) for point in shown)
+    write_series(folder / f"beyond{view.suffix}", view, poses)
 
 
 def draw_beyond(
     beyond: Beyond, view: BlockView, folder: Path, formats: Sequence[str] = ("png",)
 ) -> None:
-    """Write beyond.png: the curve by both paths, and poses with the points that press.
+    """Write beyond.png: the curve by both paths, and poses; in the plane what presses, too.
 
     Raises:
         OSError: If a file cannot be written.
@@ -68,7 +76,8 @@ def draw_beyond(
     from matplotlib.figure import Figure
 
     name = f"beyond{view.suffix}"
-    turn = axes_to(VIEWS["front (x, z)" if view.bodies.dimension == 2 else "oblique"])
+    *_, eye = VIEWS[view.bodies.dimension].values()
+    turn = axes_to(eye)
     points = shown_points(beyond)
     with drawing(name):
         figure = Figure(figsize=(CURVE + 2.0 * POSE, HIGH), dpi=DPI, layout="constrained")
@@ -77,7 +86,8 @@ def draw_beyond(
         for number, point in enumerate(points):
             axes = figure.add_subplot(grid[number // 2, 1 + number % 2])
             draw_view(axes, posed(view, point), turn)
-            axes.plot(*(point.pressed @ turn[:2].T).T, ".", color=VERMILLION, ms=3.0)
+            if len(VIEWS[view.bodies.dimension]) == 1:  # in space blocks are before the points
+                axes.plot(*(point.pressed @ turn[:2].T).T, ".", color=VERMILLION, ms=3.0)
             axes.set_title(
                 f"{point.displacement:.3g} m: {beyond.amount(point.displacement)}", fontsize=9
             )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.vtu import FILE, POLYHEDRON, Grid, grid_of, write_contacts, write_grid
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
@@ -33,18 +35,33 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
     """
     for name, view in views_of(result).items():
         _write_points(folder / f"points{view.suffix}.npz", result.structure, result.ends[name])
-        blocks = _blocks(view)
-        write_grid(folder / f"blocks{view.suffix}.vtu", blocks)
+        write_grid(folder / f"blocks{view.suffix}.vtu", _blocks(view))
         write_contacts(folder / f"contacts{view.suffix}.vtu", view)
-        steps = ""
-        for step in range(STEPS + 1) if view.motion.any() else ():
-            name = f"collapse{view.suffix}_{step:02d}.vtu"
-            moved = view.bodies.corner + step / STEPS * view.displacement
-            write_grid(folder / name, blocks | {"Points": {"Points": moved}})
-            steps += f'<DataSet timestep="{step / STEPS:g}" part="0" file="{name}"/>'
-        if steps:
-            series = FILE.format("Collection", "", f"<Collection>{steps}</Collection>")
-            (folder / f"collapse{view.suffix}.pvd").write_text(series)
+        if view.motion.any():
+            parts = [step / STEPS for step in range(STEPS + 1)]
+            poses = ((part, view.bodies.corner + part * view.displacement) for part in parts)
+            write_series(folder / f"collapse{view.suffix}", view, poses)
+
+
+def write_series(path: Path, view: BlockView, poses: Iterable[tuple[float, Array]]) -> None:
+    """Write blocks in several poses, and the file that ParaView opens for all of them.
+
+    Args:
+        path: Without an ending.
+        view: What is shown.
+        poses: Times, and corners of all pieces, m, shape (corners, 3).
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    blocks = _blocks(view)
+    steps = ""
+    for number, (at, corners) in enumerate(poses):
+        name = f"{path.name}_{number:02d}.vtu"
+        write_grid(path.with_name(name), blocks | {"Points": {"Points": corners}})
+        steps += f'<DataSet timestep="{at:g}" part="0" file="{name}"/>'
+    series = FILE.format("Collection", "", f"<Collection>{steps}</Collection>")
+    path.with_name(f"{path.name}.pvd").write_text(series)
 
 
 def _write_points(path: Path, structure: Structure, end: Collapse) -> None:
