@@ -63,8 +63,10 @@ for name in re.findall(r"!\[[^]]*\]\(gallery/([^)]+)\)", (DOCS / "gallery.md").r
         picture = Image.open(DOCS.parent / "demos" / "output" / name).convert("RGB")
         space = folder.startswith("builders")
         picture = oblique_view(picture) if space else picture
-        picture.thumbnail((SPACE, SPACE) if space else (WIDTH, WIDTH))
-        colours = SPACE_COLOURS if space else COLOURS
+        width, colours = (SPACE, SPACE_COLOURS) if space else (WIDTH, COLOURS)
+        if stem == "beyond":  # lines and grey blocks
+            width, colours = PAGE, PAGE_COLOURS
+        picture.thumbnail((width, width))
     target = DOCS / "gallery" / name
     target.parent.mkdir(parents=True, exist_ok=True)
     # A step of k-means: without it shades of one colour are drawn as others.
