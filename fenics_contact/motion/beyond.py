@@ -26,7 +26,7 @@ from fenics_contact.motion.path import (
     control_corner,
     displacement_of,
 )
-from fenics_contact.motion.step import Bodies, forces_as
+from fenics_contact.motion.step import MovingBlocks, forces_as
 from fenics_contact.spatial.structure import Structure
 
 #: Two paths agree as long as their curves are as near as this, in units of the end and of the
@@ -203,7 +203,7 @@ def beyond(
         check_stop: May raise `Stopped`: what is known by then is the answer.
     """
     driven = _driven(structure)
-    bodies = Bodies(structure, driven, 1.0 if collapse is None else collapse.sign)
+    bodies = MovingBlocks(structure, driven, 1.0 if collapse is None else collapse.sign)
     follower = Follower(bodies, lambda poses: 0.0, until=until, check_stop=check_stop)
     if driven is None and collapse is not None and collapse.force is not None:
         follower.first = forces_as(structure, collapse.force, collapse.tension, bodies)
@@ -255,7 +255,7 @@ def _driven(structure: Structure) -> Array | None:
     return structure.moved / size if size else None
 
 
-def _direction(bodies: Bodies) -> Array:
+def _direction(bodies: MovingBlocks) -> Array:
     """Unit vector of what drives: of the live load's resultant, x where it has none."""
     if bodies.driven is not None:
         fastest = bodies.driven[:, :3][np.linalg.norm(bodies.driven[:, :3], axis=1).argmax()]
@@ -268,7 +268,7 @@ def _direction(bodies: Bodies) -> Array:
     return np.asarray(total / size)
 
 
-def _nearest(bodies: Bodies, place: Array) -> tuple[int, Array]:
+def _nearest(bodies: MovingBlocks, place: Array) -> tuple[int, Array]:
     """Block and arm of the corner that is nearest to a place, of those that move."""
     sides = bodies.sides
     found = []

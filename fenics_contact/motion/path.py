@@ -20,9 +20,9 @@ from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.motion.poses import Poses
-from fenics_contact.motion.step import Bodies, face_model, given_state, state_of
+from fenics_contact.motion.step import MovingBlocks, face_model, given_state, state_of
 from fenics_contact.motion.support import fall
-from fenics_contact.motion.touching import Units
+from fenics_contact.motion.touching import PointUnits
 
 #: The first step, the largest and the least one, in sizes of blocks and in first steps.
 FIRST = 0.02
@@ -129,7 +129,7 @@ class Stage:
     """
 
     poses: Poses
-    units: Units
+    units: PointUnits
     model: FaceModel
     gaps: Array
     state: FaceState
@@ -143,7 +143,7 @@ class Stage:
         return dict(zip(self.units.key, self.state.force, strict=False))
 
 
-class Followed(NamedTuple):
+class Following(NamedTuple):
     """The next stage, the work of friction on the way, J, and what happened, in words."""
 
     stage: Stage
@@ -164,9 +164,9 @@ class Follower:
         check_stop: May raise `Stopped`: the points found until then are the path.
     """
 
-    bodies: Bodies
+    bodies: MovingBlocks
     control: Callable[[Poses], float]
-    first: Callable[[Units, Poses], Array] | None = None
+    first: Callable[[PointUnits, Poses], Array] | None = None
     asked: float = 1e-3
     until: float = np.inf
     check_stop: Callable[[], None] = lambda: None
@@ -253,7 +253,7 @@ class Follower:
                 break
         return Stage(poses, units, model, gaps, state, work, step)
 
-    def _following(self, stage: Stage, scale: float, first: float) -> Followed | End:
+    def _following(self, stage: Stage, scale: float, first: float) -> Following | End:
         """The next stage; or the end, if there is none behind the shortest step."""
         least = LEAST * first
         here = stage
@@ -282,7 +282,7 @@ class Follower:
                 why = "" if found.state.gap <= 10.0 * self.asked else NO_STATE
                 left = found.state.load_factor if self._sign > 0.0 else np.inf
                 if not why and not jumps and (left > -NOTHING * scale or landings == LANDINGS):
-                    return Followed(replace(found, change=change), used, "")
+                    return Following(replace(found, change=change), used, "")
                 if not why and not jumps:  # onto the place where nothing is left
                     part = stage.state.load_factor / (stage.state.load_factor - left)
                     landings += 1
@@ -296,7 +296,7 @@ class Follower:
                 return End(NO_STATE)
         if why:
             return End(SUPPORT_LOST, lost) if lost else End(NO_STATE)
-        return Followed(replace(found, change=change), used, "jump")
+        return Following(replace(found, change=change), used, "jump")
 
     def _lost(self, poses: Poses) -> tuple[int, ...]:
         """Blocks that nothing holds in some poses, whatever the load factor; empty if all are."""
@@ -430,7 +430,7 @@ class Follower:
         return poses, missed
 
 
-def control_corner(bodies: Bodies, mode: Array, along: Array) -> tuple[int, Array]:
+def control_corner(bodies: MovingBlocks, mode: Array, along: Array) -> tuple[int, Array]:
     """The highest corner that moves, of these the farthest one along a direction.
 
     Returns:
@@ -456,7 +456,7 @@ def control_corner(bodies: Bodies, mode: Array, along: Array) -> tuple[int, Arra
 
 
 def displacement_of(
-    bodies: Bodies, block: int, arm: Array, along: Array
+    bodies: MovingBlocks, block: int, arm: Array, along: Array
 ) -> Callable[[Poses], float]:
     """Displacement of a place fixed to a block along a unit vector, m."""
     number: Indices = np.array([block])

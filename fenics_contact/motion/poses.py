@@ -120,7 +120,7 @@ def loads_of(structure: Structure, sign: float = 1.0) -> Mapping[str, MovedLoad]
     return found | {"live": MovedLoad(sign * live.force, sign * live.moment)}
 
 
-class Ties:
+class TurningTies:
     """Bars whose lines turn with their ends.
 
     Those with a stiffness have the tension prestress + k e, from 0 to the yield, e their present

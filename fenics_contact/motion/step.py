@@ -7,7 +7,7 @@ of the limit load of the present geometry in which units may close by their gaps
     (a)  v its mode:  f_L . v = 1,   g / W + v_N >= D |v_T|,
 
 a quasi-static step of Moreau's (J.J. Moreau, Comput. Methods Appl. Mech. Eng. 177 (1999) 329) with
-Coulomb's law and no dilatancy. Units that close within the step carry force at its end.
+Coulomb's law and no dilatancy. PointUnits that close within the step carry force at its end.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from fenics_contact.faces.kernel import FaceTolerances, Program, elastic_respons
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.motion.poses import Poses, Ties, loads_of
-from fenics_contact.motion.touching import Sides, Units
+from fenics_contact.motion.poses import Poses, TurningTies, loads_of
+from fenics_contact.motion.touching import MovingSides, PointUnits
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import FREE, SHEAR, Structure
 
@@ -39,7 +39,7 @@ NEAR = 1e-2
 
 
 @dataclass(frozen=True)
-class Bodies:
+class MovingBlocks:
     """Blocks that move far: their sides, loads, ties, and freedoms.
 
     Attributes:
@@ -59,9 +59,9 @@ class Bodies:
         return Poses.drawn(self.structure)
 
     @cached_property
-    def sides(self) -> Sides:
+    def sides(self) -> MovingSides:
         """Of all pieces."""
-        return Sides(self.structure, self.start)
+        return MovingSides(self.structure, self.start)
 
     @cached_property
     def loads(self) -> Any:
@@ -69,9 +69,9 @@ class Bodies:
         return loads_of(self.structure, self.sign)
 
     @cached_property
-    def ties(self) -> Ties:
+    def ties(self) -> TurningTies:
         """Bars."""
-        return Ties(self.structure.bars, self.start)
+        return TurningTies(self.structure.bars, self.start)
 
     @cached_property
     def moves(self) -> Indices:
@@ -129,7 +129,7 @@ class Bodies:
         """Work against the dead load and into ties since the start, J."""
         return self.ties.energy(poses) - self.loads["dead"].work(self.start, poses)
 
-    def relative_motion(self, units: Units, poses: Poses) -> Any:
+    def relative_motion(self, units: PointUnits, poses: Poses) -> Any:
         """H: unknowns to the motions of points against planes, and then along ties without springs.
 
         Sparse, shape ((units + ties) d, unknowns).
@@ -167,7 +167,7 @@ def _rows(axes: Array, arm: Array, block: Indices, count: int) -> Any:
     return csr_matrix((moves.ravel(), places), (row.size, 6 * count))
 
 
-def face_model(bodies: Bodies, units: Units, poses: Poses, longest: Array) -> FaceModel:
+def face_model(bodies: MovingBlocks, units: PointUnits, poses: Poses, longest: Array) -> FaceModel:
     """Units at some poses as the engine sees them; `longest`: lengths that ties have had, m."""
     structure = bodies.structure
     ties = bodies.ties
@@ -214,7 +214,7 @@ def state_of(
     """The state and mode of a step of some work.
 
     Args:
-        model: Units in the present poses.
+        model: PointUnits in the present poses.
         gaps: Of the units, m.
         work: W, J.
         before: Forces to begin from, those of the step before; None: from an elastic state.
@@ -280,7 +280,7 @@ def _from_springs(
     return certifier.near(elastic, work)[0]
 
 
-def forces_as(structure: Structure, force: Array, tension: Array, bodies: Bodies) -> Any:
+def forces_as(structure: Structure, force: Array, tension: Array, bodies: MovingBlocks) -> Any:
     """Forces of a collapse of the structure as drawn, as those of units in the same poses.
 
     Args:
@@ -298,7 +298,7 @@ def forces_as(structure: Structure, force: Array, tension: Array, bodies: Bodies
     blocks = structure.ends[1][1][: len(force)]
     others = structure.ends[0][1][: len(force)]
 
-    def begin(units: Units, poses: Poses) -> Array:
+    def begin(units: PointUnits, poses: Poses) -> Array:
         dimension = structure.dimension
         place, along, _ = units.at(poses)
         found = np.zeros((len(place), dimension))

@@ -35,7 +35,7 @@ WIDER = 1.6
 
 
 @dataclass(frozen=True)
-class Units:
+class PointUnits:
     """Points of blocks against planes of others, fixed to these.
 
     Attributes:
@@ -65,7 +65,7 @@ class Units:
         axes = np.einsum("uij,ukj->uki", poses.rotation[self.plane], self.axes)
         return place, axes, np.einsum("uki,ui->uk", axes, from_plane)
 
-    def some(self, kept: Any) -> Units:
+    def some(self, kept: Any) -> PointUnits:
         """Some of the units."""
         numbers = np.flatnonzero(kept)
         arrays = {n: v[numbers] for n, v in vars(self).items() if n != "key"}
@@ -81,7 +81,7 @@ class Present(NamedTuple):
     levels: Array
 
 
-class Sides:
+class MovingSides:
     """Sides of all pieces of a structure, fixed to their blocks.
 
     Attributes:
@@ -117,14 +117,14 @@ class Sides:
         self.narrow = NARROW * thinnest
         self.loops = [[list(side) for side in piece.sides] for piece in self.pieces]
         self.first = [[side[0] for side in piece.sides] for piece in self.pieces]
-        self._known: tuple[Poses, float, Units] | None = None
+        self._known: tuple[Poses, float, PointUnits] | None = None
         self.frames = [_frames(piece.normals) for piece in self.pieces]
         self.points = ends_of if structure.dimension == 2 else self._points
 
     def _points(self, contact: Contact) -> tuple[Array, Array]:
         return points_of(contact, self.structure.quick)
 
-    def near(self, poses: Poses, reach: float) -> Units:
+    def near(self, poses: Poses, reach: float) -> PointUnits:
         """Units of all sides that face each other and are as near as `reach`, m."""
         known = self._known
         if known is None or known[0] is not poses or known[1] < reach:
@@ -133,7 +133,7 @@ class Sides:
         units = known[2]
         return units.some(units.at(poses)[2][:, 0] <= reach)
 
-    def _found(self, poses: Poses, reach: float) -> Units:
+    def _found(self, poses: Poses, reach: float) -> PointUnits:
         present = [self._present(k, poses) for k in range(len(self.pieces))]
         rows = [
             row
@@ -144,11 +144,11 @@ class Sides:
             none = np.zeros((0, 3))
             empty = np.zeros(0, dtype=int)
             flat = np.zeros(0)
-            return Units(empty, empty, none, none, np.zeros((0, 3, 3)), flat, flat, ())
+            return PointUnits(empty, empty, none, none, np.zeros((0, 3, 3)), flat, flat, ())
         columns = list(zip(*rows, strict=True))
         names = "point", "plane", "arm", "origin", "axes", "area", "friction"
         arrays: Any = (np.array(column) for column in columns[:-1])
-        return Units(**dict(zip(names, arrays, strict=True)), key=columns[-1])
+        return PointUnits(**dict(zip(names, arrays, strict=True)), key=columns[-1])
 
     def _present(self, number: int, poses: Poses) -> Present:
         """A piece in its present pose."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,7 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.words import mechanism_record
+from fenics_contact.scene.rules import is_of
 from fenics_contact.scene.scene import ALL, Scene, function_name
 from fenics_contact.scene.units import rounded_alike
 from fenics_contact.version import __version__
@@ -637,6 +638,12 @@ def strict(value: Any) -> Any:
     return value
 
 
+def _own_keys(options: Any, scene: Scene) -> dict[str, Any]:
+    """Options with the keys that scenes with a mesh take."""
+    own = {item.name for item in fields(options) if is_of(item, scene.kinds)}
+    return {name: value for name, value in asdict(options).items() if name in own}
+
+
 def scene_record(layout: Layout) -> dict[str, Any]:
     """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
     scene = layout.scene
@@ -673,9 +680,9 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "ties": given["ties"],
         "floors": given["floors"],
         "soil": given["soil"],
-        "seismic": scene.seismic and asdict(scene.seismic),
+        "seismic": scene.seismic and _own_keys(scene.seismic, scene),
         "contacts": contacts,
-        "solve": asdict(scene.solve),
-        "output": asdict(scene.output),
+        "solve": _own_keys(scene.solve, scene),
+        "output": _own_keys(scene.output, scene),
         "units": dict(UNITS),
     }

@@ -29,7 +29,6 @@ from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from fenics_contact.limit_load import Monitor
-from fenics_contact.motion.answer import BeyondAnswer, asks_beyond, with_beyond
 from fenics_contact.results.bounds import LimitBounds, rounded
 from fenics_contact.results.history import CollapseState, Lowest, Peak, Trial
 from fenics_contact.results.result import Collapse, known_bounds
@@ -165,6 +164,9 @@ def _solved(
     if found.status != "limit":
         return found
     check = seismic_check(structure, found, scene)
+    # It stands on this folder, and is imported where it is asked for.
+    from fenics_contact.motion.answer import BeyondAnswer, asks_beyond, with_beyond
+
     if asks_beyond(scene) and not found.stopped:
         tell(BeyondAnswer.begins)
         found, check = with_beyond(scene, structure, found, check, check_stop)

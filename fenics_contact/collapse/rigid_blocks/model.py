@@ -161,7 +161,7 @@ class BlockModel:
     @property
     def is_large(self) -> bool:
         """Whether HiGHS takes a second or more for a program, and the kernel is asked first."""
-        return bool(self.forces.shape[1] > SEARCH.large_program)
+        return bool(self.forces.shape[1] > SEARCH.large_program) or self.units.has_many_blocks
 
     @property
     def units(self) -> FaceModel:
