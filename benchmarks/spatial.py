@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -376,7 +377,7 @@ def measure(kind: str, name: str, scene: Pushed, law: str, share: float, most: f
         "contacts": len(structure.contacts),
         "status": found.status,
         "load_factor": found.load_factor,
-        "gap": found.gap,
+        "gap": math.nan if found.gap is None else found.gap,
         "factorizations": found.factorizations,
         "seconds": round(time.process_time() - start, 2),
         "attempts": len(found.attempts),
