@@ -24,7 +24,7 @@ from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.discretization.layout import PlaceAtStrength
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
-from fenics_contact.faces.limit import FaceAttempt, FaceSearch
+from fenics_contact.faces.limit import PATH_FIRST, WAYS, FaceAttempt, FaceSearch, SearchWay
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import counted
@@ -89,20 +89,16 @@ class CrushingAnswer(Answer):
 
 #: Of a search: its best state, how that was reached, what was tried, and why it was ended early.
 Searched = tuple[FaceState | None, str, list[FaceAttempt], str]
-#: A way of a search to a state with the gap asked for.
-Way = Callable[[FaceSearch], FaceState | None]
 
 
 def searched(
-    model: FaceModel, asked: float, wait: Callable[[], None], ways: Sequence[Way]
+    model: FaceModel, asked: float, wait: Callable[[], None], ways: Sequence[SearchWay]
 ) -> Searched:
-    """A task: the search for a certified state with the gap asked for, by the first way to one."""
+    """A task: the search for a certified state with the gap asked for."""
     search = FaceSearch(model, asked, check_stop=wait)
     stopped = ""
     try:
-        for way_to_one in ways:
-            if way_to_one(search):
-                break
+        search.run(ways=ways)
     except Stopped as stop:
         stopped = str(stop)
     except SolverError as error:  # faces that do not hold the blocks
@@ -123,9 +119,7 @@ def begun_search(case: LoadCase) -> Future[Searched]:
     model = case.blocks.model.planar.model
     engine = case.discretization.scene.solve.engine
     by_path = engine == "follow" or (engine == "auto" and case.blocks.has_strength)
-    ways: tuple[Way, ...] = (FaceSearch.run,)
-    if by_path:
-        ways = (FaceSearch.follow, *ways)
+    ways = PATH_FIRST if by_path else WAYS
     return case.beside.submit(searched, model, _asked_gap(case), case.wait, ways)
 
 

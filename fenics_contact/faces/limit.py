@@ -14,7 +14,7 @@ enough, the best one's load factor is let free, and then the associative limit i
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,21 @@ class FaceAttempt:
         return f"a state with gap {self.gap:.1e}" if np.isfinite(self.gap) else "no state"
 
 
+@dataclass(frozen=True)
+class SearchWay:
+    """A way to certified states.
+
+    Attributes:
+        name: What the console calls it.
+        refuses: Why it is not gone, in words; empty where it is.
+        goes: Looks for states.
+    """
+
+    name: str
+    refuses: Callable[[FaceSearch], str]
+    goes: Callable[[FaceSearch], None]
+
+
 class FaceSearch:
     """Certified states of one model, and what was tried for them.
 
@@ -63,6 +78,10 @@ class FaceSearch:
         best: The state of least gap so far; a negative load factor only if no other is near.
         path: The loading path, if it was followed to its end.
         attempts: In order.
+        hopeless: Whether to look no further.
+        ended: Why nothing more is tried, in words; empty while something is.
+        elastic_state: With Coulomb's law.
+        elastic_work: Of the live load in it.
     """
 
     def __init__(
@@ -83,6 +102,10 @@ class FaceSearch:
         self.best: FaceState | None = None
         self.path: Followed | None = None
         self.attempts: list[FaceAttempt] = []
+        self.hopeless: Callable[[], bool] | None = None
+        self.ended = ""
+        self.elastic_state: FaceIterate | None = None
+        self.elastic_work = np.nan
         self._name = ""
         self._asked = asked
         self._effort = effort
@@ -90,38 +113,30 @@ class FaceSearch:
         self._near = near
         self._certifier = Certifier(model, self.equations, asked=asked)
 
-    def run(self, hopeless: Callable[[], bool] | None = None) -> FaceState | None:
+    def run(
+        self, hopeless: Callable[[], bool] | None = None, ways: Sequence[SearchWay] = ()
+    ) -> FaceState | None:
         """Search until a state has the gap asked for; the best one.
 
         Args:
             hopeless: Whether to look no further, asked once the elastic state led to none so good.
                 States beside the best one are then looked for first, as long as gaps fall.
+            ways: Those that are gone, in order; by default `WAYS`.
         """
-        if self.model.has_many_blocks:
-            self._from_associative("convex programs, ", signs=(1.0,))
-            self._from_best(SEARCH.face_rounds, "convex programs, ")
-            if self._found or self.is_spent:
-                return self.best
-        state, work = self._with_coulomb(self.work)
-        rounds = 1
-        if hopeless is not None and not self._found:
-            rounds = SEARCH.face_rounds
-            self._from_best(rounds)
-            if hopeless():
-                return self.best
-        if not self._found:
-            self._with_given_part(self.model.normal(np.maximum(state.force, 0.0)), work)
-        if not self._found:
-            self._from_best(rounds)
-        if not self._found:
-            self._from_associative()
+        self.hopeless = hopeless
+        for way in ways or WAYS:
+            if why := self.ended or way.refuses(self):
+                _log.info("  %s: not asked: %s", way.name, why)
+                continue
+            way.goes(self)
+            self.ended = "a state was found" if self._found else self.ended
         return self.best
 
-    def follow(self) -> FaceState | None:
-        """The state that a load which rises from rest leads to; None if that has not the gap asked.
+    def along_path(self) -> None:
+        """The state that a load which rises from rest leads to, the end of the loading path.
 
-        The end of the loading path; where it comes to none, elastic states with half of Coulomb's
-        law, whose bound begins with a part of the forces under the dead load.
+        Where it comes to none, elastic states with half of Coulomb's law, whose bound begins with a
+        part of the forces under the dead load.
         """
         spent = self.equations.factorizations
         try:
@@ -143,7 +158,33 @@ class FaceSearch:
             if not (path.is_whole or self._found):
                 self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
-        return self.best if self._found else None
+
+    def by_convex_programs(self) -> None:
+        """The state of the associative limit, then states beside it; the end if cost is spent."""
+        self._from_associative("convex programs, ", signs=(1.0,))
+        self._from_best(SEARCH.face_rounds, "convex programs, ")
+        self.ended = "its cost is spent" * self.is_spent
+
+    def by_coulomb(self) -> None:
+        """The state near the elastic one with Coulomb's law; the end where there is no hope."""
+        self.elastic_state, self.elastic_work = self._with_coulomb(self.work)
+        if self.hopeless is not None and not self._found:
+            self._from_best(SEARCH.face_rounds)
+            self.ended = "nothing limits the load" * self.hopeless()
+
+    def by_half(self) -> None:
+        """States with half of Coulomb's law, from the pressing forces of the elastic one."""
+        if self.elastic_state is not None:
+            pressed = self.model.normal(np.maximum(self.elastic_state.force, 0.0))
+            self._with_given_part(pressed, self.elastic_work)
+
+    def beside_best(self) -> None:
+        """States beside the best one."""
+        self._from_best(1 if self.hopeless is None else SEARCH.face_rounds)
+
+    def by_associative(self) -> None:
+        """The states of the associative limit, of either sign of work."""
+        self._from_associative()
 
     def with_friction(self, most: float) -> FaceSearch:
         """A search of its own on the same units with so much friction at most."""
@@ -289,3 +330,28 @@ class FaceSearch:
         attempt = FaceAttempt(name, load_factor, gap, self.equations.factorizations)
         self.attempts.append(attempt)
         _log.debug("  %s", attempt)
+
+
+def _never(search: FaceSearch) -> str:
+    return ""
+
+
+def _where_few(search: FaceSearch) -> str:
+    return "" if search.model.has_many_blocks else "there are few blocks"
+
+
+def _where_many(search: FaceSearch) -> str:
+    return "there are many blocks" if search.model.has_many_blocks else ""
+
+
+#: Ways of a search, in the order in which they are gone.
+WAYS = (
+    SearchWay("convex programs", _where_few, FaceSearch.by_convex_programs),
+    SearchWay("Coulomb's law", _never, FaceSearch.by_coulomb),
+    SearchWay("half of Coulomb's law", _never, FaceSearch.by_half),
+    SearchWay("states beside the best one", _never, FaceSearch.beside_best),
+    SearchWay("associative friction", _never, FaceSearch.by_associative),
+)
+#: The loading path before them, at any size; and as blocks without a mesh are asked.
+PATH_FIRST = (SearchWay(LOADING_PATH, _never, FaceSearch.along_path), *WAYS)
+WAYS_OF_BLOCKS = (SearchWay(LOADING_PATH, _where_many, FaceSearch.along_path), *WAYS)

@@ -24,7 +24,7 @@ from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import SolverError, Stopped, checked, require
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.follow import Followed
-from fenics_contact.faces.limit import FaceSearch
+from fenics_contact.faces.limit import WAYS_OF_BLOCKS, FaceSearch
 from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
@@ -237,9 +237,7 @@ def collapse_of(
     try:
         whole: FaceState | None = None
         if not (_alike(structure, sign) and wedged()):
-            if not model.has_many_blocks:
-                whole = search.follow()
-            whole = whole or search.run(unlimited)
+            whole = search.run(unlimited, WAYS_OF_BLOCKS)
         state: FaceState | CrushedState | None = whole
         if whole is not None and crushes and not unlimited():
             # Without one that does not crush, what the other one misses is told.
