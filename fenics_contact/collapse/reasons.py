@@ -68,13 +68,15 @@ def _reached(end: Collapse, sign: float) -> str:
     if not end.history:
         return "no state was verified: the one given is the last point of the path"
     state = f"no state was verified: the best one, with load factor {sign * end.load_factor:.6g},"
+    steps = end.history[-1].steps
+    changes = ""
+    if steps:
+        change = f"{steps[-1].bound_change:.1e}"
+        changes = f"still changes its friction by {change} after {len(steps)} iterations"
     if not end.certificate.passed:
-        return f"{state} misses {end.certificate.missed}"
-    last = end.history[-1]
-    if not last.steps:
-        return f"{state} did not settle"
-    change = f"{last.steps[-1].bound_change:.1e}"
-    return f"{state} still changes its friction by {change} after {len(last.steps)} iterations"
+        missed = f"{state} misses {end.certificate.missed}"
+        return f"{missed}, and {changes}" if len(steps) > 1 else missed
+    return f"{state} {changes or 'did not settle'}"
 
 
 def _cures(whole: Discretization) -> Iterator[str]:
