@@ -31,7 +31,7 @@ class BeyondAnswer(Answer):
 
     value: Beyond
     name = key = "beyond"
-    place = 8
+    place = 9
     begins = "after the peak"
     by_direction = True
 
@@ -82,7 +82,7 @@ def with_beyond(
     way = beyond(structure, found, until=until, control=scene.output.control, check_stop=check_stop)
     if way is None:
         return found, start
-    if start is not None and len(way.fine.points) > 1:
+    if start is not None and len(way.trusted) > 1:
         start = replace(start, nonlinear=check_along(scene, structure, found, way, start))
     return found.with_answer(BeyondAnswer(way)), start
 
@@ -90,7 +90,7 @@ def with_beyond(
 def check_along(
     scene: BlockScene, structure: Structure, found: Collapse, way: Beyond, start: SeismicCheck
 ) -> NonlinearCheck | None:
-    """The non-linear check of a limit, whose mechanism starts as is known.
+    """The non-linear check of a limit, whose mechanism starts as is known, along the trusted way.
 
     The control point is that of the scene; by default the mean of the masses that are pushed, whose
     displacement is the live load's work over its force.
@@ -98,11 +98,13 @@ def check_along(
     options = scene.seismic
     if options is None or not options.nonlinear or options.spectrum is None or way.driven:
         return None
+    if min(point.load_factor for point in way.trusted[:-1]) <= 0.0:
+        return None
     gravity, push = (float(np.linalg.norm(load.acceleration)) for load in (scene.dead, scene.live))
-    here, factor = way.fine.curve
+    here, factor = np.array([(one.displacement, one.load_factor) for one in way.trusted]).T
     ratio = 1.0 / start.mass_fraction
     if scene.output.control is None:
-        work = np.array([point.work for point in way.fine.points])
+        work = np.array([point.work for point in way.trusted])
         here = work / (start.moving_mass * push)
     else:
         mode = np.asarray(found.mode)

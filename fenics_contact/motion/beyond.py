@@ -16,11 +16,13 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.motion.path import (
+    ASKED,
     FIRST,
     NO_STATE,
     NOTHING,
     NOTHING_LEFT,
     SUPPORT_LOST,
+    BeyondPoint,
     Follower,
     Trace,
     control_corner,
@@ -52,7 +54,7 @@ class Beyond:
         velocity: Of the control point along it in a mode of the blocks, shape (blocks, 6).
         driven: Whether the ground moves on: load factors are then what the structure presses it
             with along its way, N.
-        fine: Path by steps half as long: what is told.
+        fine: Path by steps half as long: what is told; the other one where this was stopped.
         coarse: Path by the others.
         left_out: Laws that are not followed, in words.
         lost: Names of blocks that nothing holds at the end.
@@ -87,7 +89,20 @@ class Beyond:
     def agrees(self) -> bool:
         """Whether both paths come to one end by one way."""
         same = abs(self.end - self.other_end) <= SAME_END * max(abs(self.end), abs(self.other_end))
-        return same and self.until >= self.end
+        if self.fine.why == self.coarse.why == ASKED:
+            return self.is_twice and self.until >= min(self.end, self.other_end)
+        return self.is_twice and same and self.until >= self.end
+
+    @property
+    def is_twice(self) -> bool:
+        """Whether the way was followed twice to its end."""
+        return self.fine is not self.coarse and not self.coarse.stopped
+
+    @property
+    def trusted(self) -> tuple[BeyondPoint, ...]:
+        """Points up to where both paths agree; none where it was followed once."""
+        points = self.fine.points if self.is_twice else ()
+        return tuple(point for point in points if point.displacement <= self.until)
 
     @property
     def until(self) -> float:
@@ -122,7 +137,7 @@ class Beyond:
     @property
     def text(self) -> str:
         """The way in words, behind `head`."""
-        end = self.end if self.agrees else self.until
+        end = self.end if self.agrees or not self.is_twice else self.until
         goes = f"{self.amount(0.0)} at once"
         here, factor = self.fine.curve
         most = float(here[factor.argmax()])
@@ -133,6 +148,8 @@ class Beyond:
         goes += f", {self.amount(middle)} at {middle:.3g} m"
         last = f"{self.amount(end)} at {end:.3g} m"
         where = "" if self.driven else f" (block {self.block} at {_place(self.place)})"
+        if not self.is_twice:
+            return f"{goes}, {last}; stopped before it was followed twice: no end is told{where}"
         if not self.agrees:
             one, other = sorted([self.end, self.other_end])
             return (
@@ -153,8 +170,9 @@ class Beyond:
         return (
             f"{len(self.fine.points)} points, gaps up to {gap:.0e}, blocks overlap by"
             f" {self.fine.overlap:.0e} m at most, the energy closes to"
-            f" {100 * self.fine.energy:.2g} %; with steps twice as long the end is at"
-            f" {self.other_end:.4g} m"
+            f" {100 * self.fine.energy:.2g} %"
+            + f"; with steps twice as long the end is at {self.other_end:.4g} m"
+            * self.is_twice
         )
 
     def record(self) -> dict[str, Any]:
@@ -209,7 +227,7 @@ def beyond(
         follower.first = forces_as(structure, collapse.force, collapse.tension, bodies)
     step = FIRST * bodies.size
     try:
-        mode = follower.drawn(step).state.mode
+        mode = follower.drawn.state.mode
     except SolverError:
         return None
     along = _direction(bodies)
@@ -223,8 +241,8 @@ def beyond(
     if driven is not None and control is None:
         follower.control = follower.driven_by
     coarse = follower.trace(step)
-    fine = follower.trace(0.5 * step)
-    fine = fine if len(fine.points) > 1 else coarse
+    fine = coarse if coarse.stopped else follower.trace(0.5 * step)
+    fine = coarse if fine.stopped else fine
     if not fine.points:
         return None
     place = structure.told(bodies.start.centroid[block] + arm)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,7 @@ OVERLAP = 0.2
 TOUCH = 1e-5
 #: Ends of paths.
 SUPPORT_LOST, NO_STATE, NOTHING_LEFT = "support lost", "no state found", "nothing left"
+ASKED = "displacement"
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,13 @@ class Trace:
         why: "nothing left", "support lost", "no state found", "displacement", "steps" or why it
             was stopped.
         lost: Numbers of blocks that nothing holds behind the last point: a proof.
+        stopped: Whether somebody, or the time, ended it.
     """
 
     points: tuple[BeyondPoint, ...]
     why: str
     lost: tuple[int, ...] = ()
+    stopped: bool = False
 
     @property
     def curve(self) -> tuple[Array, Array]:
@@ -173,14 +177,15 @@ class Follower:
 
     def __post_init__(self) -> None:
         self._sign = 1.0 if self.bodies.driven is None else -1.0
-        self._longest = self.bodies.ties.length
+        self._longest = self.bodies.ties.length  # that plastic ties have had
 
     def trace(self, step: float) -> Trace:
         """The path by steps that begin with a size, m."""
         points: list[BeyondPoint] = []
         end = End("")
+        self._longest = self.bodies.ties.length
         try:
-            stage = self.drawn(step)
+            stage = self.drawn
             scale = abs(stage.state.load_factor) or 1.0
             points.append(self._point(stage, 0.0, ""))
             end = End(self._ended(points, scale))
@@ -193,10 +198,12 @@ class Follower:
                     end = following
                 else:
                     stage, used, event = following
+                    length = self.bodies.ties.lines(stage.poses)[1]
+                    self._longest = np.maximum(self._longest, length)
                     points.append(self._point(stage, points[-1].friction + used, event))
                     end = End(self._ended(points, scale))
         except Stopped as stopped:
-            end = End(str(stopped))
+            return Trace(tuple(points), str(stopped), stopped=True)
         except SolverError:
             end = End(NO_STATE)
         return Trace(tuple(points), end.why, end.lost)
@@ -207,10 +214,11 @@ class Follower:
         if self._sign * here.load_factor <= NOTHING * scale and self.bodies.driven is None:
             return NOTHING_LEFT
         if abs(here.displacement) >= self.until:
-            return "displacement"
+            return ASKED
         return "steps" if len(points) >= MOST else ""
 
-    def drawn(self, step: float) -> Stage:
+    @cached_property
+    def drawn(self) -> Stage:
         """The collapse of the structure as drawn: units that touch, whatever the step.
 
         Raises:
@@ -226,8 +234,7 @@ class Follower:
             begin = self.first(units, bodies.start)
             state = given_state(model, begin, self._sign)
         state = state or state_of(model, gaps, 1.0, begin, self.asked, self._sign)
-        work = step / bodies.speed(state.mode)
-        return Stage(bodies.start, units, model, gaps, state, work, step)
+        return Stage(bodies.start, units, model, gaps, state, work=0.0, step=0.0)
 
     def _stage(self, poses: Poses, step: float, before: Stage) -> Stage:
         """The state of a step from some poses, from the forces of the stage before."""

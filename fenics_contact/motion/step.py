@@ -214,7 +214,7 @@ def state_of(
     """The state and mode of a step of some work.
 
     Args:
-        model: PointUnits in the present poses.
+        model: Units in the present poses.
         gaps: Of the units, m.
         work: W, J.
         before: Forces to begin from, those of the step before; None: from an elastic state.

@@ -8,7 +8,7 @@ that hinges roll and slide without drift.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from fenics_contact.motion.poses import Poses
 from fenics_contact.spatial.contacts import Contact, clipped, frame, polygon_width
 from fenics_contact.spatial.points import ends_of, points_of
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
-from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.structure import Structure
 
 #: Cosine of the angle up to which sides that face each other may touch: 60 degrees.
 FACING = 0.5
@@ -90,7 +90,9 @@ class MovingSides:
 
     def __init__(self, structure: Structure, start: Poses) -> None:
         self.structure = structure
-        self.law_of = laws_of(structure)
+        contacts = zip(structure.contacts, structure.laws, strict=True)
+        drawn = {frozenset((one.first, one.second)): law for one, law in contacts}
+        self.law_of = structure.law_of or (lambda *pair: drawn.get(frozenset(pair)))
         bodies = [_without_end(block, structure) for block in structure.blocks]
         self.pieces = [piece for body in bodies for piece in body]
         count = [len(body) for body in bodies]
@@ -237,23 +239,6 @@ def _without_end(block: Block, structure: Structure) -> tuple[Polyhedron, ...]:
         for c in (0, 1)
     ]
     return (Polyhedron.hull(corners),)
-
-
-def laws_of(structure: Structure) -> Callable[[int, int], ContactLaw | None]:
-    """Laws of contacts between blocks: that of the pair as drawn, or else of their groups."""
-    pairs: dict[frozenset[Any], ContactLaw] = {}
-    contacts = zip(structure.contacts, structure.laws, strict=True)
-    for contact, law in contacts:
-        numbers = contact.first, contact.second
-        pairs.setdefault(frozenset(structure.blocks[k].group for k in numbers), law)
-        pairs[frozenset(numbers)] = law
-    usual = max(structure.laws, key=structure.laws.count)
-
-    def law_of(first: int, second: int) -> ContactLaw | None:
-        groups = frozenset(structure.blocks[k].group for k in (first, second))
-        return pairs.get(frozenset((first, second))) or pairs.get(groups) or usual
-
-    return law_of
 
 
 def _frames(normals: Array) -> Array:

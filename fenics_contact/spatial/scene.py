@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -267,6 +267,7 @@ class BlockScene(Shared):
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting={**dead, **live},
             dimension=self.dimension,
+            law_of=partial(self._law_between, self._pairs(), blocks),
         )
 
     def _odd_sizes(self) -> Iterator[str]:
@@ -334,25 +335,45 @@ class BlockScene(Shared):
     ) -> Iterator[tuple[Contact, ContactLaw]]:
         """Contacts that are not off, with their laws."""
         pairs = self._pairs()
-        every = self.laws()
         for contact in contacts:
-            ends = blocks[contact.first], blocks[contact.second]
-            ground = [end.group for end in ends if end.group in every]
-            named = product(*((end.name, end.group) for end in ends))
-            joints = [pairs[frozenset(pair)] for pair in named if frozenset(pair) in pairs]
-            key = [*ground, *joints, "joints.default"][0]
-            text = f"blocks '{ends[0].name}' and '{ends[1].name}' touch and have no law"
-            require(key in every, f"{text}; give [joints.default]")
-            law = every[key]
-            strengths = [
-                law.compressive_strength or self.material(end).compressive_strength or np.inf
-                for end in ends
-                if not end.fixed
-            ]
-            shear = law.cohesion + (law.bound or 0.0)
-            values = law.friction or 0.0, shear, law.dilation, law.tensile_strength
-            if law.acts:
-                yield contact, ContactLaw(*values, min(strengths), key)
+            law = self._law_of(pairs, (blocks[contact.first], blocks[contact.second]))
+            if law is not None:
+                yield contact, law
+
+    def _law_of(self, pairs: dict[frozenset[str], str], ends: Sequence[Block]) -> ContactLaw | None:
+        """Law of a contact between two blocks; None where it is off.
+
+        Raises:
+            InputError: If there is none.
+        """
+        every = self.laws()
+        ground = [end.group for end in ends if end.group in every]
+        named = product(*((end.name, end.group) for end in ends))
+        joints = [pairs[frozenset(pair)] for pair in named if frozenset(pair) in pairs]
+        key = [*ground, *joints, "joints.default"][0]
+        text = f"blocks '{ends[0].name}' and '{ends[1].name}' touch and have no law"
+        require(key in every, f"{text}; give [joints.default]")
+        law = every[key]
+        strengths = [
+            law.compressive_strength or self.material(end).compressive_strength or np.inf
+            for end in ends
+            if not end.fixed
+        ]
+        shear = law.cohesion + (law.bound or 0.0)
+        values = law.friction or 0.0, shear, law.dilation, law.tensile_strength
+        return ContactLaw(*values, min(strengths), key) if law.acts else None
+
+    def _law_between(
+        self, pairs: dict[frozenset[str], str], blocks: Sequence[Block], first: int, second: int
+    ) -> ContactLaw | None:
+        """Law of blocks by their numbers, also of those that do not touch as drawn.
+
+        Where none is given for them they have no friction.
+        """
+        try:
+            return self._law_of(pairs, (blocks[first], blocks[second]))
+        except InputError:
+            return ContactLaw(0.0)
 
     def _pairs(self) -> dict[frozenset[str], str]:
         """Keys of joint laws by the two groups or blocks whose contacts have them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -82,6 +82,8 @@ class Structure:
             is proved to fall.
         acting: All forces by their keys: weights, tractions, forces and floors.
         dimension: 2 or 3.
+        law_of: Law of a contact between two blocks by their numbers, also where they do not touch
+            as drawn, None where it is off; None: those that touch as drawn have one.
     """
 
     blocks: tuple[Block, ...]
@@ -97,6 +99,7 @@ class Structure:
     doubts: tuple[str, ...] = ()
     acting: Mapping[str, Acting] = field(default_factory=dict)
     dimension: int = 3
+    law_of: Callable[[int, int], ContactLaw | None] | None = None
 
     @property
     def pressing(self) -> int:

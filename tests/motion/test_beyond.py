@@ -89,6 +89,37 @@ def test_stopped_path_keeps_its_points():
     found = way_down(in_plane([box(0, 0, 0.5, 5.0)]), check_stop=check_stop)
     assert found.fine.why == "enough"
     assert len(found.fine.points) > 3
+    assert not found.agrees
+    assert found.zero is None
+    assert found.trusted == ()
+    assert "stopped before it was followed twice" in found.text
+
+
+def test_second_path_that_is_stopped_verifies_nothing():
+    asked = []
+
+    def check_stop():
+        asked.append(1)
+        if len(asked) > 40:
+            raise Stopped("enough")
+
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)]), check_stop=check_stop)
+    assert found.fine.why == "nothing left"
+    assert found.zero is None
+    assert "no end is told" in found.text
+
+
+def test_law_of_blocks_that_do_not_touch_as_drawn():
+    """A block slides against another one: it is held there; where the joint is off, it passes."""
+    blocks = [box(0, 0, 1, 1), box(-5, -0.5, 6, 0), box(1.3, 0, 2, 1)]
+    joints = {"default": {"friction": 0.3}, "b": {"between": ["b0", "b2"], "off": True}}
+    free = way_down(in_plane(blocks, fixed=[1, 2], joints=joints), until=0.6)
+    assert free.agrees
+    assert [p.load_factor for p in free.fine.points] == pytest.approx(
+        [0.3] * len(free.fine.points), abs=1e-6
+    )
+    held = way_down(in_plane(blocks, fixed=[1, 2], friction=0.3), until=0.6)
+    assert held.end < 0.31 or held.fine.points[-1].load_factor > 0.31
 
 
 @pytest.mark.parametrize(
