@@ -72,6 +72,7 @@ def write_joints(
     """
     joints = layout.joints.without_ties()
     count = joints.joint_count
+    of_faces = block_view(layout, np.zeros_like(displacement) if mode is None else mode, values)
     values = values.first(count)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
@@ -85,7 +86,6 @@ def write_joints(
         points |= {"collapse_mode": scale * middle(joints, at_sides(layout, mode)[:count])}
         numbers = {"mode_scale": np.array([scale])}
     face = straight_faces(joints).of_point
-    of_faces = block_view(layout, np.zeros_like(displacement) if mode is None else mode, values)
     first = joints.segments[:, 0]
     lines = {
         "state": facet_contact(values, joints.segments),

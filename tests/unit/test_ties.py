@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from fenics_contact.results.values import tie_arrays
 from tests.bank import GRAVITY
 from tests.helpers import STONE, coulomb, mesh_of, on_ground
 from tests.quick import each_once
+from tests.vtu import values_of
 
 #: Weight of a square metre, N per metre of thickness.
 UNIT = STONE.density * GRAVITY
@@ -241,6 +243,16 @@ def test_tie_holds_what_does_not_stand_alone():
     held = limit_load(tied(pier(), tie, friction=2.0, dead=dead))
     assert held.status == "limit"
     assert held.load_factor == pytest.approx(0.25 - 1.0 + 2.0 * force / UNIT, rel=1e-6)
+
+
+def test_files_of_a_wall_with_a_tie(tmp_path):
+    """ParaView's joints are those between blocks, whatever ties there are beside them."""
+    result = limit_load(tied(flat(), Tie((0.0, 0.5), 5e3, ground=(-1.0, 0.5))))
+    result.write(tmp_path)
+    arrays = {one.get("Name"): one for one in ElementTree.parse(tmp_path / "joints.vtu").iter()}
+    pressure = values_of(arrays["pressure"])
+    assert len(pressure) == len(result.joints["pressure"])
+    assert pressure == pytest.approx(result.joints["pressure"])
 
 
 def test_wedged_load_is_bounded_by_no_tie():
