@@ -8,12 +8,9 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
-import numpy as np
-
-from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.results.bounds import LimitBounds, counted
@@ -21,8 +18,9 @@ from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.result import NOT_KNOWN, Answer, ByDirection, Collapse, skipped
 from fenics_contact.results.values import soil_forces
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
-from fenics_contact.scene.scene import JointLaw, Movement, Tie
+from fenics_contact.scene.scene import Shared
 from fenics_contact.scene.units import Units
+from fenics_contact.scene.words import floor_text, law_text, movement_text, tie_ends, tie_text
 
 #: Back to the start of a line of a terminal, and what is on it is gone.
 OVER = "\r\033[K"
@@ -299,7 +297,7 @@ def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[st
     status = end.status.replace("_", " ")
     listed = reason.replace("; ", "\n  ")  # what was tried in lines of their own
     certificate = end.certificate
-    if certificate is None or np.isnan(end.load_factor) or end.status == "no_equilibrium":
+    if certificate is None or math.isnan(end.load_factor) or end.status == "no_equilibrium":
         known = end.bounds.lower is not None or end.bounds.upper is not None
         bracket = [f"bracket: {end.bounds}, whatever was found"] if known else []
         return [f"{name}: {status}, {listed}", *bracket]
@@ -318,7 +316,7 @@ def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[st
 
 
 def description(layout: Layout, verbose: bool = False) -> str:
-    """Blocks, joints, supports and loads of a scene, in lines.
+    """Blocks, joints, supports and loads of a scene with a mesh, in lines.
 
     With unknowns, joint points and what will be skipped, if that is wished.
     """
@@ -326,90 +324,78 @@ def description(layout: Layout, verbose: bool = False) -> str:
     units = scene.units
     bodies = layout.bodies
     boundary = layout.boundary
-    mesh = scene.mesh
-    cells = mesh.domain.topology.index_map(2).size_global
+    count = scene.mesh.body_count
+    cells = scene.mesh.domain.topology.index_map(2).size_global
     floating = int(bodies.floating.sum())
-    lines = [
-        scene.title or "(no title)",
-        f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
-        f" supports), {f'{cells} cells, {layout.size} displacements, ' * verbose}"
-        f"area {layout.bodies_area():.6g} m2",
-    ]
+    blocks = (
+        f"blocks: {count} ({floating} floating, {count - floating} held by supports),"
+        f" {f'{cells} cells, {layout.size} displacements, ' * verbose}"
+        f"area {layout.bodies_area():.6g} m2"
+    )
     joints = layout.joints.without_ties()
-    for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
+    touching = {}
+    for number, key in enumerate(scene.laws()):
         mine = joints.law == number
-        if not law.acts:
-            what = (
-                "glued: the blocks on both sides are one" if law.glued else "off: carries nothing"
-            )
-            lines.append(f"joint {name}: {what}")
-            continue
-        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
-        lines.append(
-            f"{kind} {name}: {law_text(law, units)}, {f'{int(mine.sum())} points, ' * verbose}"
-            f"length {units.length(joints.length[mine].sum())}"
-        )
-    for name, tie in scene.ties.items():
-        lines.append(f"tie {name}: {tie_text(tie, units, 'N' if tie.spacing else 'N/m')}")
+        points = f"{int(mine.sum())} points, " * verbose
+        touching[key] = f"{points}length {units.length(joints.length[mine].sum())}"
+    strips = floor_strips(scene, boundary).items()
+    lies = {name: f"on {units.length(one.length(boundary).sum())}" for name, one in strips}
+    more = []
     for one in soil_forces(layout, None):
         soil = scene.soil[one.name]
         least, most = soil.coefficients
-        lines.append(
+        more.append(
             f"soil {one.name}: on {soil.at}, surface at {units.length(soil.level)},"
             f" k_a {least:.4g}, k_p {most:.4g}, presses with {units.force(one.active)} to"
             f" {units.force(one.passive)}"
         )
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()
-        lines.append(f"support {name}: {kind}, length {units.length(length)}")
-    for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
-        lines.append(f"{name} load: resultant {units.forces(forces[:, :2].sum(axis=0))}")
+        more.append(f"support {name}: {kind}, length {units.length(length)}")
+    loads = {"dead": bodies.dead, "live": bodies.live}
+    resultants = {name: force[:, :2].sum(axis=0) for name, force in loads.items()}
+    lines = scene_lines(scene, units, [blocks], touching, lies, more, resultants)
+    return "\n".join([*lines, *(f"skipped: {item}" for item in skipped(scene) if verbose)])
+
+
+def scene_lines(
+    scene: Shared,
+    units: Units,
+    blocks: Sequence[str],
+    touching: Mapping[str, str],
+    lies: Mapping[str, str],
+    more: Sequence[str],
+    resultants: Mapping[str, Sequence[float]],
+) -> list[str]:
+    """What is in a scene, in lines.
+
+    Args:
+        scene: With a mesh or of rigid blocks.
+        units: In which it is told.
+        blocks: Lines on its blocks.
+        touching: Number and size of the contacts of each law, by its key.
+        lies: On what each floor lies, by name.
+        more: Lines behind ties and floors.
+        resultants: Of the loads, N (per metre of thickness), by name.
+    """
+    tables = scene.tables()
+    lines = [scene.title or "(no title)", *blocks]
+    for key, law in scene.laws().items():
+        kind, _, name = key.partition(".")
+        where = f", {touching[key]}" if law.acts else ""
+        lines.append(f"{kind[:-1]} {name}: {law_text(vars(law), units)}{where}")
+    for name, tie in tables["ties"].items():
+        lines.append(f"tie {name}: {tie_ends(tie, units)}, {tie_text(tie, units)}")
+    for name, floor in tables["floors"].items():
+        lines.append(f"floor {name}: {floor_text(floor, units)}, {lies[name]}")
+    for name, movement in scene.dead.movement.items():
+        lines.append(f"{name} {movement_text(vars(movement), units)}")
+    lines += more
+    for name, force in resultants.items():
+        lines.append(f"{name} load: resultant {units.forces(force)}")
     profile = scene.live.profile
     if profile != "uniform":
         if not isinstance(profile, str):
             profile = ", ".join(f"{factor:g} at {height:g} m" for height, factor in profile)
         lines.append(f"live body force over the height: {profile}")
-    lines += [text for kind in Answer.kinds.values() if (text := kind.asked_by(scene))]
-    for name, strips in floor_strips(scene, boundary).items():
-        floor = scene.floors[name]
-        lies = f"{units.text(floor.force, 'N/m2')} on {units.length(strips.length(boundary).sum())}"
-        lines.append(f"floor {name}: {lies}{', with its mass' if floor.mass else ''}")
-    for name, movement in scene.dead.movement.items():
-        lines.append(f"{name} {movement_text(movement, units)}")
-    lines += [f"skipped: {item}" for item in skipped(scene)] if verbose else []
-    return "\n".join(lines)
-
-
-def law_text(law: JointLaw, units: Units) -> str:
-    """Friction, strengths and gaps of a joint, as given."""
-    text = "frictionless"
-    if law.law == "tresca":
-        text = f"shear strength {units.stress(law.bound or 0.0)}"
-    elif law.law == "coulomb":
-        text = f"Coulomb friction {law.friction:g}"
-        text += f", cohesion {units.stress(law.cohesion)}" if law.cohesion else ""
-        text += f", dilatancy {law.dilatancy:g} degrees" if law.dilatancy else ""
-    strength = law.tensile_strength
-    text += f", tensile strength {units.stress(strength)}" if strength else ""
-    text += ", strength lost where it opens" * law.loses
-    return text + (f", gaps up to {units.length(law.gap)}" if law.gap else "")
-
-
-def movement_text(movement: Movement, units: Units) -> str:
-    """How far a support or ground moves and turns."""
-    turn = movement.rotation
-    by = f"{turn:g}" if isinstance(turn, float) else f"({', '.join(f'{a:g}' for a in turn)})"
-    return f"moves by {units.place(movement.displacement, 6)}, turns by {by} degrees"
-
-
-def tie_text(tie: Tie, units: Units, per: str = "N") -> str:
-    """Ends of a tie, and what it carries, as given in a unit of forces."""
-    ends = [
-        units.place(end, 6).removesuffix(" m") if isinstance(end, tuple) else f"{end}"
-        for end in (tie.from_, tie.ground or tie.to)
-    ]
-    text = f"from {ends[0]} to {'the ground at ' if tie.ground else ''}{ends[1]}"
-    text += f", yield {units.text(tie.yield_, per)}"
-    text += f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
-    text += f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
-    return text + (f", every {units.length(tie.spacing)}" if tie.spacing else "")
+    return lines + [text for kind in Answer.kinds.values() if (text := kind.asked_by(scene))]

@@ -96,6 +96,11 @@ class Equilibrium(ServiceState, Pictured):
         return None if self.state is None else self.state.elastic
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is legal in the scene and probably meant otherwise."""
+        return self.layout.warnings
+
+    @property
     def falling(self) -> Indices:
         """Numbers of the blocks that fall where the status is "unstable"; none else."""
         return falling_blocks(self.layout, self.fall)

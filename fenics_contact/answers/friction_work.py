@@ -12,9 +12,8 @@ from typing import Any, Self
 import numpy as np
 
 from fenics_contact.answers.question import Asked, Question
-from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.units import Units
 
 #: Parts below this are in result.json only.
 SMALL = 1e-3
@@ -49,17 +48,7 @@ class FrictionWork(Asked):
         return dict(self.value)
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
-        """The parts of all groups, where there are several."""
-        parts = self._told()
-        told = ", ".join(f"{name} {part}" for name, part in parts)
+        """The parts of all groups that are not small, where there are several."""
+        parts = [(name, part) for name, part in self.value.items() if part >= SMALL]
+        told = ", ".join(f"{name} {100.0 * part:.3g} %" for name, part in parts)
         return [Line("work of friction:", told, verbose=True)] if len(parts) > 1 else []
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """The same for the report."""
-        parts = self._told()
-        return Table(parts if len(parts) > 1 else [], "Work of friction in the collapse, by joints")
-
-    def _told(self) -> list[tuple[str, str]]:
-        """Parts that are not small, in words."""
-        parts = self.value.items()
-        return [(name, f"{100.0 * part:.3g} %") for name, part in parts if part >= SMALL]

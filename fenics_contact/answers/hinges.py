@@ -36,10 +36,9 @@ from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.results.bounds import LoadFactor, four_digits, signed
 from fenics_contact.results.certificate import kinematic_factor
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.results.values import JointValues
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
 from fenics_contact.solvers.kkt import PerturbedKKT
@@ -174,17 +173,6 @@ class HingesAnswer(Asked):
             number = words.beside(value.points, end.load_factor, end.sign)
             found.append(Line("mesh:", f"{number} with hinges that are points"))
         return found
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """Load factors by length."""
-        value = self.value
-        if value.reason or value.points == value.load_factor:
-            told = f"not known: {value.reason}" if value.reason else "the same"
-            return Table([("load factor for hinges of other lengths", told)])
-        mesh, physical = map(units.small, (value.length, value.physical_length))
-        names = f"hinges of {mesh}, as in this mesh", f"hinges of {physical}", "point hinges"
-        factors = zip(names, self._told(), strict=True)
-        return Table([(f"load factor for {name}", factor) for name, factor in factors])
 
     def _told(self) -> list[str]:
         """The three load factors, rounded alike."""

@@ -23,11 +23,10 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
+from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import result_of
 
@@ -170,27 +169,6 @@ class LowestAnswer(Asked):
             )
         searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
         return f"none found by {searches}, which is no proof{others}"
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """The same for the report, and all states that were found where there are several."""
-        lowest = self.value
-        factor = end.load_factor
-        if lowest.status == "not_known":
-            text = f"not known: {lowest.reason}"
-        elif lowest.status == "lower":
-            found = alike(lowest.load_factor, factor)
-            gap = f"{lowest.gap or 0.0:.0e}"
-            text = f"{found}, {SELF_STRESS}; {NOT_FROM_REST}. Its gap is {gap}."
-        elif end.bounds.meet:
-            text = "there is no lower one, as the bracket proves"
-        else:
-            searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
-            text = f"no lower state found by {searches}"
-        rows = [("lowest collapse state found", text)]
-        for number, state in enumerate(end.states if len(end.states) > 1 else (), start=1):
-            where = f"{alike(state.load_factor, factor)}, gap {state.gap or 0.0:.0e}"
-            rows.append((f"collapse state {number}", f"{where} (from: {state.start})"))
-        return Table(rows)
 
 
 def _sought(case: LoadCase) -> bool:

@@ -51,10 +51,9 @@ from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.bounds import alike
 from fenics_contact.results.certificate import state_residuals, tolerances
 from fenics_contact.results.history import Peak
-from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording, four
 from fenics_contact.scene.scene import SolveOptions
-from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.interior_point import Tolerances
@@ -162,8 +161,9 @@ class PeakAnswer(Asked):
             return [Line("peak:", none, verbose=only_more)]
         if peak.status == "not_known":
             return [Line("peak:", f"not known, {peak.reason}", verbose=only_more)]
+        carried = four(words.number(peak.load_factor, end.sign))
         told = (
-            f"on the way at least {four(words.number(peak.load_factor, end.sign))} was carried at"
+            f"on the way at least {carried} {words.unit} was carried at"
             f" {words.units.small(peak.displacement_m)} (it depends on stiffness and mesh)"
         )
         return [Line("peak:", told)]
@@ -174,20 +174,6 @@ class PeakAnswer(Asked):
         if peak.status == "found":
             text = f"peak, at least {alike(peak.load_factor, end.load_factor)}"
             yield text, peak.displacement_m, peak.load_factor
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """The same for the report; nothing where there is no peak."""
-        peak = self.value
-        name = "carried on the way to the collapse"
-        if peak.status != "found":
-            text = f"not known: {peak.reason}"
-            return Table([(name, text)] if peak.status == "not_known" else [])
-        text = (
-            f"{alike(peak.load_factor, end.load_factor)}, at {units.small(peak.displacement_m)};"
-            " then joints slip and the load falls. This depends on the stiffness and on the mesh:"
-            " the load factor above is the one to quote."
-        )
-        return Table([(f"{name}, at least", text)])
 
 
 def warm(*products: float) -> WarmStart:

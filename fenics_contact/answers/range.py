@@ -28,10 +28,9 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.bounds import MEET, NOT_AT_THIS_SIZE, LimitBounds, four_digits
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.results.values import JointValues
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.units import Units
 
 #: Part of the largest joint force by which a face is pressed between its ends.
 PRESSED = 1e-3
@@ -146,12 +145,6 @@ class RangeAnswer(Asked):
                 stays += "; with shorter hinges another mechanism"
             found.append(Line("mesh and stiffness:", self._ends(end, words), stays))
         return found
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """The range as a row."""
-        told = f"not known: {self.value.reason}" if self.value.reason else self._told(end)
-        name = "load factor of this mechanism, whatever the mesh and the stiffness of the blocks"
-        return Table([(name, told)])
 
     def _ends(self, end: Collapse, words: Wording) -> str:
         """Both ends along the load, as far as they are limited."""

@@ -26,8 +26,7 @@ from fenics_contact.results.block_view import AMPLITUDE, BlockView
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.results.words import MOVES
-from fenics_contact.scene.scene import Scene, Seismic
-from fenics_contact.scene.units import Units
+from fenics_contact.scene.scene import Seismic, Shared
 
 #: Title of its table.
 TITLE = "Seismic check of this mechanism (Circolare 7/2019, C8.7.1.2.1)"
@@ -115,7 +114,7 @@ class SeismicAnswer(Asked):
         return question.case.discretization.scene.seismic is not None
 
     @classmethod
-    def asked_by(cls, scene: Scene) -> str:
+    def asked_by(cls, scene: Shared) -> str:
         """The factor of the code, where the scene asks for the check."""
         asked = scene.seismic
         return "" if asked is None else f"seismic check with FC = {asked.confidence_factor:g}"
@@ -156,14 +155,14 @@ class SeismicAnswer(Asked):
             *([Line("non-linear check:", check.nonlinear.text)] if check.nonlinear else []),
         ]
 
-    def table(self, end: Collapse, units: Units) -> Table:
+    def table(self, end: Collapse, words: Wording) -> Table:
         """Names and values of its table."""
         check = self.value
         rows = [
             ("multiplier of the weights alpha0", f"{check.multiplier:.4g}"),
             ("rigid parts that move", f"{check.parts}"),
-            ("mass that moves", units.mass(check.moving_mass)),
-            ("participating mass M*", units.mass(check.participating_mass)),
+            ("mass that moves", words.units.mass(check.moving_mass)),
+            ("participating mass M*", words.units.mass(check.participating_mass)),
             ("participating fraction e*", f"{check.mass_fraction:.4g}"),
             ("confidence factor FC", f"{check.confidence_factor:.4g}"),
             (

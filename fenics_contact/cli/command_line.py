@@ -69,10 +69,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         logging.getLogger().setLevel(logging.WARNING)  # form compilers are talkative
         log = logging.getLogger("fenics_contact")
         log.propagate = False
-        log.handlers[:] = [logging.StreamHandler(sys.stdout)]
+        handler = logging.StreamHandler(sys.stdout)
+        handler.addFilter(_Once())
+        log.handlers[:] = [handler]
         level = logging.INFO if options.verbose else logging.WARNING
         log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
         return _run(options, comm)
+
+
+class _Once(logging.Filter):
+    """Lets a warning pass once in a run: all points of a sweep have those of their scene."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        again = record.levelno >= logging.WARNING and text in self._told
+        self._told.add(text)
+        return not again
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:

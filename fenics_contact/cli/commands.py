@@ -12,18 +12,15 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-from fenics_contact.console import Progress, ProgressLine, SweepProgress, description, summary
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.console import Progress, ProgressLine, SweepProgress
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
-from fenics_contact.geometry.mesh import BlockMesh
-from fenics_contact.limit_load import limit_load
 from fenics_contact.results.bounds import counted
-from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.toml_tables import is_of_blocks, read_toml
 from fenics_contact.workers import InPlace, Signals, ranks, ranks_of
 
@@ -103,16 +100,12 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
     fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     every = ["output.pictures=all"] if options.pictures else []
     tables = read_toml(options.scene, comm, [*options.overrides, *fast, *every])
-    scene = _scene_of(tables, options.scene.parent, comm)
-    in_space = not isinstance(scene, Scene)
-    find: Callable[..., Any] = limit_load
-    if in_space:
-        from fenics_contact.spatial.limit import limit_load as find
+    kind = _kind(tables)
+    scene = kind.read(tables, options.scene.parent, comm)
     read = time.perf_counter() - start
     count = comm.size * ranks_of(beside)
     ranks_told = f" on {counted(count, 'rank')}" if count > 1 else ""
-    blocks = len(scene.blocks) if in_space else scene.mesh.body_count
-    say(f"{counted(blocks, 'block')}{ranks_told}", more)
+    say(f"{counted(kind.count(scene), 'block')}{ranks_told}", more)
     # mpirun passes a terminal on even where its own output goes to a file.
     over = MPI.COMM_WORLD.size == 1 and sys.stdout.isatty()
     shown = ProgressLine if over and not more else Progress
@@ -122,18 +115,16 @@ def solve(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
             monitor = progress if loud and (more or over) else None
             if monitor is not None:
                 stack.callback(progress.close)
-            result = find(scene, monitor, stop=signals, beside=beside)
-            if scene.output.capacity and not (in_space or result.stopped):
-                result = result.with_capacity(monitor, stop=signals)
+            result = kind.solved(scene, monitor, signals, beside)
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds})
-        result = result if in_space else result.hold_against_brackets()
-        say("" if not loud else result.summary(more) if in_space else summary(result, more))
+        say(result.summary(more))
         result.write(folder, lambda: _first(signals, comm) > 0, beside)
         say(f"written to {folder}", more)
-        say(_next("report", folder))
+        code = EXIT_CODES[result.status]
+        say(_next("report", folder), code == 0)
         number = _first(signals, comm)
-    return BY_SIGNAL + number if number else EXIT_CODES[result.status]
+    return BY_SIGNAL + number if number else code
 
 
 def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
@@ -142,15 +133,9 @@ def _next(command: str, of: Path, overrides: Sequence[str] = ()) -> str:
     return f"next: {shlex.join(['fenics-contact', command, f'{of}', *settings])}"
 
 
-def _scene_of(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> Any:
-    """A scene of a mesh, or of rigid blocks, from the tables of a file in a folder."""
-    if is_of_blocks(tables):
-        from fenics_contact.spatial.scene import BlockScene
-
-        return BlockScene.from_tables(tables, folder)
-    return Scene.from_tables(
-        tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
-    )
+def _kind(tables: dict[str, Any]) -> Any:
+    """The module that knows scenes of this kind, with a mesh or of rigid blocks."""
+    return import_module(f"fenics_contact.cli.{'blocks' if is_of_blocks(tables) else 'meshed'}")
 
 
 def _first(signals: Signals, comm: MPI.Comm) -> int:
@@ -181,7 +166,8 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
         if alone:
             signal.signal(signal.SIGTERM, before)
     if loud:
-        lines = [repr(found)[1:-1], f"written to {folder}", _next("report", folder)]
+        lines = [repr(found)[1:-1], f"written to {folder}"]
+        lines += [_next("report", folder)] if any(point.solved for point in found) else []
         print("\n".join(lines), flush=True)
     return max((EXIT_CODES | {WRONG_INPUT: BAD_INPUT})[point.status] for point in found)
 
@@ -217,19 +203,9 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
     tables = read_toml(options.scene, comm, options.overrides)
-    scene = _scene_of(tables, options.scene.parent, comm)
-    if not isinstance(scene, Scene):
-        from fenics_contact.spatial.check import description as of_space
-        from fenics_contact.spatial.check import warnings_on
-
-        structure = scene.structure()
-        lines = [of_space(scene, structure)]
-        lines += [f"warning: {text}" for text in warnings_on(scene, structure)]
-    else:
-        with Discretization(scene) as discretization:
-            discretization.check_pushed()
-            lines = [description(discretization, options.verbose)]
-            lines += [f"warning: {text}" for text in discretization.warnings]
+    kind = _kind(tables)
+    text, warnings = kind.checked(kind.read(tables, options.scene.parent, comm), options.verbose)
+    lines = [text, *(f"warning: {one}" for one in warnings)]
     lines.append(_next("stands", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))
@@ -238,8 +214,6 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the state under the dead load, or at a load factor, print it and write its files."""
-    from fenics_contact.equilibrium import standing
-
     folder = _output_folder(options, comm, "_state")
     factor = options.load_factor
     tables = read_toml(options.scene, comm, options.overrides)
@@ -254,20 +228,12 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
             )
         is_table = isinstance(dead, dict)
         loads["live"] = {k: v for k, v in dead.items() if k != "movement"} if is_table else dead
-    scene = _scene_of(tables, options.scene.parent, comm)
-    found: Any
-    if isinstance(scene, Scene):
-        found = standing(scene, factor)
-        warnings = found.layout.warnings
-    else:
-        from fenics_contact.spatial.limit import standing as find
-
-        found = find(scene, factor)
-        warnings = found.structure.warnings
+    kind = _kind(tables)
+    found = kind.standing(kind.read(tables, options.scene.parent, comm), factor)
     acting = "loads." if factor else "loads.dead."
     lines = [
         f"warning: {text}"
-        for text in warnings
+        for text in found.warnings
         if text.startswith(acting) or not text.startswith("loads.")
     ]
     lines.append(found.summary(options.verbose))

@@ -32,7 +32,7 @@ from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
-from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.scene.units import PER_METRE
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, State
 from fenics_contact.workers import result_of
@@ -67,8 +67,9 @@ class CrushingAnswer(Answer):
         length = words.units.small(first.length)
         return [Line("crushing:", f"{first.group} crushes over {length} at {place}{rest}")]
 
-    def table(self, end: Collapse, units: Units) -> Table:
+    def table(self, end: Collapse, words: Wording) -> Table:
         """The first of these places."""
+        units = words.units
         per = "normal force" if units.thickness else f"normal force {PER_METRE}"
         rows = [
             (

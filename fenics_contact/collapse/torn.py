@@ -23,10 +23,9 @@ import numpy as np
 from fenics_contact.collapse.coulomb import settled
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
-from fenics_contact.results.bounds import LoadFactor, alike
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.bounds import LoadFactor
+from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.results.wording import Line, Wording, four
-from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
@@ -61,18 +60,6 @@ class TornAnswer(Answer):
         whole = four(words.number(torn.load_factor_whole, end.sign))
         length = words.units.length(torn.length_m, 3)
         return [Line("torn:", f"{length} of joints have lost their strength; {whole} with all")]
-
-    def table(self, end: Collapse, units: Units) -> Table:
-        """The same, and what is known of the load factor without these strengths."""
-        factor = end.load_factor
-        ends = [end.bounds.lower, end.bounds.upper]
-        first, beyond = (alike(bound, factor) for bound in (ends if end.sign > 0.0 else ends[::-1]))
-        rows = [
-            ("joints that have lost their strength", units.length(self.value.length_m)),
-            ("load factor with all strengths", alike(self.value.load_factor_whole, factor)),
-            ("bracket of the blocks with these joints torn", f"{first} to {beyond}"),
-        ]
-        return Table(rows)
 
 
 def torn_collapse(

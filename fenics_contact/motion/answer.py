@@ -18,7 +18,6 @@ from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.scene import OutputOptions
-from fenics_contact.scene.units import Units
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
@@ -43,7 +42,7 @@ class BeyondAnswer(Answer):
             lines.append(Line("after the peak is left out:", " and ".join(way.left_out)))
         return [*lines, Line("the way after the peak:", way.checks, verbose=True)]
 
-    def table(self, end: Collapse, units: Units) -> Table:
+    def table(self, end: Collapse, words: Wording) -> Table:
         """Load factors at parts of the way."""
         found = self.value
         points = [found.end * part for part in (0.0, 0.25, 0.5, 0.75, 1.0)]

@@ -443,8 +443,6 @@ def write_service_state(
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
     scene = result.scene
-    kinds = Answer.kinds.values()
-    timed = [kind for kind in kinds if kind.seconds]
     missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
     pressed = dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed)
     record = record_of(
@@ -459,7 +457,6 @@ def result_record(result: Result) -> Record:
             "ranks": max(result.ranks, scene.comm.size),
             "warnings": [*result.layout.warnings, *result.contradictions, *missed, *pressed],
             "skipped": list(result.skipped),
-            "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
             "control": scene.solve.control,
             "slip_reference": SLIP_REFERENCES[scene.solve.slip],
         },
@@ -481,6 +478,7 @@ def record_of(
     words = replace(result.wording, units=result.scene.units.of_report)
     told, remarks = answer(result, words)
     kinds = Answer.kinds.values()
+    timed = [kind for kind in kinds if kind.seconds]
     ends = {name: _end_record(result, end) | details[name] for name, end in result.ends.items()}
     first: Record = next(iter(ends.values()), {})
     record: Record = {
@@ -492,6 +490,9 @@ def record_of(
         **{key: first.get(key, nothing) for key, nothing in FIRST.items()},
         **{key: first[key] for key in ("continuation", "worst_joint") if key in first},
         **{kind.key: first.get(kind.key) for kind in kinds},
+        "ways": {name: words.way(name) for name in result.ends},
+        "acceleration": words.acceleration,
+        "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
         "reason": result.reason() or None,
         "stopped": result.stopped or None,
         "capacity": vars(result.curve_end) if result.curve_end else None,
@@ -512,8 +513,8 @@ def record_of(
 
 def _end_record(result: ByDirection, end: Collapse) -> Record:
     """What is known of one end of the range of load factors. Collective."""
-    units = result.scene.units.of_report
-    answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
+    words = replace(result.wording, units=result.scene.units.of_report)
+    answers = [one.table(end, words) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
     apart = [table for table in answers if table.title and (table.rows or table.note)]
     # Nothing is proved by the last state of a load that is not limited.

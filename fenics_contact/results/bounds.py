@@ -135,8 +135,6 @@ WITHOUT_PATH = (
     "rigid blocks with elastic faces: no error by a mesh; what elastic blocks carry on the way to"
     " this collapse was not followed"
 )
-#: Of what the verification says, too.
-FROM_RIGID = "difference from rigid blocks with the friction forces of this state"
 #: Of the lowest state, wherever it is told.
 SELF_STRESS = "with any self-stress in the blocks"
 NOT_FROM_REST = "blocks that are loaded from rest need not reach it"
@@ -165,18 +163,21 @@ def proof(load_factor: float, limit: float, inside: str, searched: str) -> str:
         inside: What joint forces are inside of.
         searched: What was searched for, in words; empty for what a load leads to.
     """
-    # Both with the digits that tell them apart; the limit is rounded away from the state.
-    size = abs(load_factor) or abs(limit) or 1.0
-    apart = max(abs(limit - load_factor) / size, 1e-15)
-    digits = min(max(1 + math.floor(-math.log10(apart)), DIGITS[0]), DIGITS[1])
-    unit = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
-    outward = math.ceil if abs(limit) >= abs(load_factor) else math.floor
-    beyond = math.copysign(outward(round(abs(limit) / unit, 6)) * unit, limit)
-    here, end = rounded_alike([load_factor, beyond], digits)
     what = f"the {searched}, is at" if searched else "collapses at"
-    # Where the dead load drives the collapse these forces need so much of the live load.
-    more = "more" if abs(limit) >= abs(load_factor) else "less"
+    size = abs(load_factor) or abs(limit) or 1.0
+    apart = abs(limit - load_factor) / size
+    if apart <= MEET:  # rounding alone says which one is larger
+        here, proved = f"{load_factor:.6g}", "that is the limit load"
+    else:
+        # Both with the digits that tell them apart; the limit is rounded away from the state.
+        digits = min(max(1 + math.floor(-math.log10(apart)), DIGITS[0]), DIGITS[1])
+        unit = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
+        beyond = abs(limit) >= abs(load_factor)
+        outward = (math.ceil if beyond else math.floor)(round(abs(limit) / unit, 6)) * unit
+        here, end = rounded_alike([load_factor, math.copysign(outward, limit)], digits)
+        # Where the dead load drives the collapse these forces need so much of the live load.
+        proved = f"nothing carries {'more' if beyond else 'less'} than {end}"
     return (
         f"{what} {here}: there is an equilibrium inside {inside} at {here}, and with its friction"
-        f" forces nothing carries {more} than {end}{f'; {NOT_FROM_REST}' * bool(searched)}"
+        f" forces {proved}{f'; {NOT_FROM_REST}' * bool(searched)}"
     )

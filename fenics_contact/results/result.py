@@ -22,7 +22,6 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.bounds import (
-    FROM_RIGID,
     WITHOUT_PATH,
     LimitBounds,
     LoadFactor,
@@ -58,8 +57,7 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.wording import Line, Wording, meant, wording_of
-from fenics_contact.scene.scene import CRUSHING, OutputOptions, Scene
-from fenics_contact.scene.units import Units
+from fenics_contact.scene.scene import CRUSHING, OutputOptions, Scene, Shared
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
@@ -120,7 +118,7 @@ class Answer(ABC):
             Answer.kinds = dict(sorted(known.items(), key=lambda item: item[1].place))
 
     @classmethod
-    def asked_by(cls, scene: Scene) -> str:
+    def asked_by(cls, scene: Shared) -> str:
         """A line on what a scene asks of it; empty where it says nothing."""
         return ""
 
@@ -139,9 +137,11 @@ class Answer(ABC):
     def lines(self, end: Collapse, words: Wording) -> Sequence[Line]:
         """Lines for the console, of an answer to a collapse: for everybody, or for `-v` alone."""
 
-    @abstractmethod
-    def table(self, end: Collapse, units: Units) -> Table:
-        """What the report holds."""
+    def table(self, end: Collapse, words: Wording) -> Table:
+        """What the report holds: the lines for `-v`, or for everybody where these say all."""
+        lines = self.lines(end, words)
+        told = [line for line in lines if line.verbose] or lines
+        return Table([(line.head.rstrip(":"), f"{line.text}{line.tail}") for line in told])
 
     def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
         """Points on a capacity curve: text, displacement (m) and load factor."""
@@ -285,16 +285,14 @@ class Collapse:
         is_limit = self.status == "limit"
         name = "load factor" if is_limit else "load factor reached, not verified"
         rows = [(name, "none" if math.isnan(factor) else alike(factor, factor))]
-        if not self.changes_blocks:
+        if self.changes_blocks:
+            rows.append(("bracket of the blocks with these joints torn", f"{self.bounds}"))
+        else:
             rows += bracket_rows(self.bounds, self.sign, factor)
             if self.bounds.meet and is_limit:
                 rows.append(("other collapse states", "none exists: the bracket is closed"))
-        if is_limit and self.proof:
-            rows += [("model", WITHOUT_PATH)] if self.state is not None else []
-        elif is_limit and self.certificate is not None:
-            gap = self.certificate.error_estimate
-            apart = "not known" if math.isnan(gap) else f"{gap:.0e}"
-            rows.append((FROM_RIGID, apart))
+        if is_limit and self.proof and self.state is not None:
+            rows.append(("model", WITHOUT_PATH))
         return Table(rows)
 
     def __repr__(self) -> str:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import checked
-from fenics_contact.output.files import record_of, write_capacity, write_files
+from fenics_contact.output.files import UNITS, record_of, write_capacity, write_files
 from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
@@ -69,7 +69,6 @@ class BlockLimitLoad(SpatialLimit):
 def result_record(result: SpatialLimit) -> dict[str, Any]:
     """Content of result.json."""
     structure = result.structure
-    words = result.wording
     views = views_of(result)
     record = record_of(
         result,
@@ -84,8 +83,6 @@ def result_record(result: SpatialLimit) -> dict[str, Any]:
                 "ties": len(structure.bars),
             },
             "scene": scene_record(result),
-            "ways": {name: words.way(name) for name in result.ends},
-            "acceleration": words.acceleration,
             "warnings": list(structure.warnings),
             "ranks": result.ranks,
         },
@@ -130,8 +127,15 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
             for name in ("dead", "live")
         },
         "contacts": [
-            {"group": key, "contacts": len(some), "area": sum(some)} for key, some in areas.items()
+            {
+                "group": key.partition(".")[2],
+                "kind": key.partition("s.")[0],
+                "contacts": len(some),
+                "area": sum(some),
+            }
+            for key, some in areas.items()
         ],
+        "units": dict(UNITS),
         "groups": [
             {"group": name, "blocks": len(some), "volume": sum(some)}
             for name, some in volumes.items()

@@ -112,6 +112,11 @@ class SpatialLimit(ByDirection):
         return next((c.stopped for c in self.ends.values() if c.stopped), "")
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is legal in the scene and probably meant otherwise."""
+        return self.structure.warnings
+
+    @property
     def wording(self) -> Wording:
         """How its load factors are told."""
         return wording_of(self.scene, self.structure, both=len(self.ends) > 1)

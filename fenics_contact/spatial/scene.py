@@ -13,8 +13,11 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.errors import InputError, Vector, checked, raised_together, require
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.bounds import counted
+from fenics_contact.results.values import NAMED
 from fenics_contact.scene.rules import (
     DIRECTION,
     FINITE,
@@ -253,17 +256,20 @@ class BlockScene(Shared):
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
         dead["loads.dead.body"] = masses.acting(lifted(self.dead.acceleration))
         live["loads.live.body"] = pushed.acting(lifted(self.live.acceleration), factors)
+        pushes = total("loads.live", blocks, live)
+        if not np.any(pushes):
+            warnings = (*warnings, "loads.live pushes nothing")
         return Structure(
             blocks,
             contacts,
             laws,
             total("loads.dead", blocks, dead),
-            total("loads.live", blocks, live),
+            pushes,
             self.solve.quick,
             tuple(bar_of(f"ties.{name}", tie, blocks, near) for name, tie in self.ties.items()),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            (*self.notes, *self._odd_sizes(), *warnings),
+            (*self.notes, *self._odd_sizes(), *warnings, *self._odd_values(laws)),
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting={**dead, **live},
             dimension=self.dimension,
@@ -283,6 +289,21 @@ class BlockScene(Shared):
         if odd:
             more = f" (and {len(odd) - 1} more)" if odd[1:] else ""
             yield f"{odd[0]}{more}: are the numbers in m? A file has blocks.unit"
+
+    def _odd_values(self, used: Sequence[ContactLaw]) -> Iterator[str]:
+        """Values that are probably in another unit; blocks without weight, laws without contact."""
+        materials = {f"materials.{name}": material for name, material in self.materials.items()}
+        yield from unusual_values({**materials, **self.laws()})
+        light = [b for b in self.blocks if not (b.fixed or self.material(b).density)]
+        if light:
+            names = listed(block.name for block in light[:NAMED])
+            more = ", ..." if len(light) > NAMED else ""
+            what = "have no weight: their material has no density"
+            yield f"{counted(len(light), 'block')} {what} ({names}{more})"
+        keys = {law.key for law in used}
+        for key, law in self.laws().items():
+            if law.acts and key not in {*keys, "joints.default"}:
+                yield f"{key} is the law of no contact"
 
     def material(self, block: Block) -> Material:
         """Material of a block.

@@ -111,7 +111,10 @@ def test_floor_lies_on_an_uneven_bed():
     model = polygons([*low, *high], 0.1, groups=sides(base=(0, 0, 1.2, 0)))
     floors = {"first": Floor(FLOOR, y=0.5, x=(0.0, 1.1))}
     with Discretization(on_ground(model, coulomb(0.6), floors=floors, solve=FAST)) as made:
-        assert "floor first: 8000 N/m2 on 1.1 m" in description(made.layout)
+        text = (
+            "floor first: 8000 N/m2 at y = 0.5 m, x from 0 m to 1.1 m, without its mass, on 1.1 m"
+        )
+        assert text in description(made.layout)
         assert not any("floors" in text for text in made.warnings)
 
 
@@ -171,7 +174,8 @@ def test_floors_are_described_recorded_and_drawn():
         record = scene_record(made.layout)
         axes = draw_scene(Figure().subplots(), view_of(made))
         weight = view_of(made).dead[0]
-    assert "floor first: 8000 N/m2 on 0.5 m, with its mass" in text
+    assert "floor first: 16000 N/m (8000 N/m2) at y = " in text
+    assert "x from 0 m to 0.6 m, with its mass, on 0.5 m" in text
     given = {"force": FLOOR, "y": HEIGHT, "x": (0.0, 0.6), "mass": True}
     assert record["floors"] == {"first": given}
     again = Scene.from_tables(scene.tables(), lambda *_: scene.mesh)

@@ -71,7 +71,7 @@ def test_report_of_a_wall(solved, monkeypatch, capsys):
         "torsion is not limited",
         "14, together 1.2 m wide, 0.2 m deep and 1 m high",
         "1 g sideways on all masses",
-        "coefficient of friction 0.6",
+        "Coulomb friction 0.6 (31 degrees)",
         "yields at 0.2 kN",
         "1 kN/m2 at z = 1 m, with its mass",
     ):
@@ -79,9 +79,9 @@ def test_report_of_a_wall(solved, monkeypatch, capsys):
     for words in (
         "stay 0.2 kN 0.2 kN yields",
         "participating mass M*",
-        "joints.default",
-        "What contacts do",
-        "moments on every block balance",
+        "joint default",
+        "Where the blocks touch",
+        "moments on every block and node balance",
     ):
         assert words in rest, words
     assert "NO" not in rest.split()

@@ -269,7 +269,7 @@ def test_check_says_what_is_in_a_scene(tmp_path, capsys):
     assert found.code == 0
     for text in (
         "2 blocks and 1 of ground, volume 2 m3, mass 4000 kg",
-        "foundation ground: Coulomb friction 80, 1 contact, area 1 m2",
+        "foundation ground: Coulomb friction 80 (89.3 degrees), no tensile strength, 1 contact",
         "dead load: resultant (0, 0, -40000) N",
         "warning: foundations.ground.friction = 80 is very high",
     ):

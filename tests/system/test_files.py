@@ -415,7 +415,7 @@ def test_check_in_units_of_engineers(tmp_path, capsys):
     changes = {"joints.default.cohesion": 2e3, "plane.thickness": 0.5, "output.units": "mm"}
     scene = write_scene(tmp_path, changes, "wall")
     found = run_here(["check", scene], capsys)
-    assert "joint default: Coulomb friction 0.3, cohesion 0.002 MPa" in found.out
+    assert "joint default: Coulomb friction 0.3 (16.7 degrees), cohesion 0.002 MPa" in found.out
     assert "length 1400 mm" in found.out
     assert f"dead load: resultant (0, -{0.5e-3 * WEIGHT:.6g}) kN\n" in found.out
     found = run_here(["check", scene, "--set", "output.units=m"], capsys)

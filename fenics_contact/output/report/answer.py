@@ -23,13 +23,12 @@ from fenics_contact.output.report.html import (
     paragraph,
     picture,
     table,
-    value_text,
     viewer_frame,
 )
 from fenics_contact.results.bounds import counted
-from fenics_contact.results.wording import Wording
 from fenics_contact.scene.scene import GRAVITY
 from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.scene.words import floor_text, law_text, material_text, tie_text
 
 #: Height of a structure over its width from which the assumptions are beside its picture.
 TALL = 1.6
@@ -95,18 +94,17 @@ def first_page(content: Content) -> Iterator[str]:
     rows = list(_assumptions(record, content.units))
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
-    beside = size["height"] > TALL * size["width"] and not of_blocks(record)  # with three views
+    beside = size["height"] > TALL * size["width"] and "depth" not in size  # which has three views
     height = PICTURE.beside if beside else PICTURE.above(rows, [*how, *decides])
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
         negative = direction == "negative" and len(ends) == 2
         caption = PICTURES["collapse_negative" if negative else "collapse"]
-        number = "" if of_blocks(record) else ", by number"
         if status == "unstable":
-            caption = f"Blocks that move under the dead load{number}."
+            caption = "Blocks that move under the dead load."
         elif ends[direction]["status"] == "unbounded":
-            caption = f"Blocks that wedge{number}."
+            caption = "Blocks that wedge."
         yield picture(address, caption)
     yield f"<div>{heading('What decides', 2)}{bullets(decides)}"
     yield f"{heading('Assumptions', 2)}{table(rows)}</div></div>"
@@ -124,27 +122,15 @@ def _collapses(record: Record) -> Iterator[str]:
             before = words
 
 
-def of_blocks(record: Record) -> bool:
-    """Whether a result is of rigid blocks without a mesh."""
-    return "contacts" in record["mesh"]
-
-
 def sentence(words: str) -> str:
     """Words as a sentence."""
     return f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}"
 
 
-def wording(record: Record) -> Wording:
-    """How the load factors of a result are told."""
-    scene = record["scene"]
-    units = Units(thickness=scene.get("thickness")).of_report
-    return Wording.of(scene["loads"], scene.get("floors") or {}, scene["resultants"]["live"], units)
-
-
 def way_of(record: Record, direction: str) -> str:
-    """Where the live load pushes."""
-    known: str = record["ways"][direction] if of_blocks(record) else wording(record).way(direction)
-    return known
+    """Where the live load pushes, or that it is as given, or reversed."""
+    way: str = record["ways"][direction]
+    return direction_words(direction) if way in ("", "as given", "reversed") else way
 
 
 def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
@@ -156,21 +142,18 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         if name in scene["size"]
     )
     size = f"{width} wide, {deep[0]} deep and" if deep else f"{width} wide and"
-    count = record["mesh"]["floating_bodies" if of_blocks(record) else "bodies"]  # without ground
-    yield "blocks", f"{count}, together {size} {height} high"
+    yield "blocks", f"{record['mesh']['floating_bodies']}, together {size} {height} high"
     if thickness := scene.get("thickness"):
         yield "thickness", f"{units.length(thickness)}; forces are those of all of it"
     elif not deep:
         yield "thickness", "not given; forces are per metre of thickness"
     yield "dead load", units.forces(scene["resultants"]["dead"], 4)
     live = units.forces(scene["resultants"]["live"], 4)
-    same = record["acceleration"] if of_blocks(record) else wording(record).acceleration
+    same = record["acceleration"]
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
-    dead = scene["loads"]["dead"]
-    down = math.hypot(*dead["body"])
     kinds: dict[str, Callable[[Record], str]] = {
-        "material": lambda one: material_text(one, down, units),
+        "material": lambda one: material_text(one, gravity_of(scene), units),
         "joint": lambda one: law_text(one, units),
         "foundation": lambda one: law_text(one, units),
         "floor": lambda one: floor_text(one, units),
@@ -191,71 +174,9 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"
 
 
-def material_text(one: Record, gravity: float, units: Units) -> str:
-    """Density and weight, stiffness, strength."""
-    weight = f" ({units.text(one['density'] * gravity, 'N/m3', 4)})" if gravity else ""
-    parts = [f"{one['density']:g} kg/m3{weight}"]
-    if "poisson" in one:  # blocks that deform
-        parts.append(f"Young's modulus {units.stress(one['young'])}")
-        parts.append(f"Poisson's ratio {one['poisson']:g}")
-    if one.get("compressive_strength"):
-        parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
-    return ", ".join(parts)
-
-
-def floor_text(one: Record, units: Units) -> str:
-    """Weight of a floor, where it lies, and whether the live load takes it along."""
-    weight = units.text(one["force"], "N/m2")
-    mass = f"{'with' if one['mass'] else 'without'} its mass"
-    up = "z" if "z" in one else "y"
-    if up == "z" or not (one.get("x") or one.get("at")):
-        return f"{weight} at {up} = {units.length(one[up])}, {mass}"
-    if units.thickness:
-        weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
-    where = f"on {one.get('at')}"
-    if not one.get("at"):
-        start, end = one["x"]
-        where = f"at y = {units.length(one['y'])}, x from {units.length(start)} to"
-        where += f" {units.length(end)}"
-    return f"{weight} {where}, {mass}"
-
-
-def tie_text(one: Record, units: Units) -> str:
-    """Tension at which a tie yields, prestress and spacing."""
-    unit = "N" if one.get("spacing") else f"N {PER_METRE}"
-
-    def force(value: float) -> str:
-        whole = units.thickness and not one.get("spacing")
-        return units.force(value) if whole else units.text(value, unit)
-
-    parts = [f"yields at {force(one['yield'])}"]
-    if one.get("prestress"):
-        parts.append(f"prestress {force(one['prestress'])}")
-    if one.get("spacing"):
-        parts.append(f"one every {units.length(one['spacing'])}")
-    return ", ".join(parts)
-
-
-def law_text(one: Record, units: Units) -> str:
-    """Friction and strengths of joints."""
-    if one.get("glued") or one.get("off"):
-        return "glued: the blocks on both sides are one" if one["glued"] else "off: carries nothing"
-    law = one["law"]
-    parts = ["no friction"] if law == "frictionless" else []
-    if law == "coulomb":
-        friction = one["friction"] or 0.0
-        angle = math.degrees(math.atan(friction))
-        parts.append(f"coefficient of friction {friction:g} ({angle:.3g} degrees)")
-    named = {"bound": "shear strength"} | {
-        key: key.replace("_", " ")
-        for key in ("cohesion", "tensile_strength", "compressive_strength")
-    }
-    parts += [f"{words} {units.stress(one[key])}" for key, words in named.items() if one.get(key)]
-    if not one.get("tensile_strength"):
-        parts.append("no tensile strength")
-    if one.get("dilatancy"):
-        parts.append(f"dilatancy {value_text(one['dilatancy'], 'degrees')}")
-    return ", ".join(parts)
+def gravity_of(scene: Record) -> float:
+    """Acceleration of the dead load, m/s2."""
+    return math.hypot(*scene["loads"]["dead"]["body"])
 
 
 # ---- how it fails
@@ -297,7 +218,7 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     """Sentences on a collapse mode."""
     moving = moves["moving"]
     turning = moves["turning"]
-    way = ", ".join(f"{part:+.2f}" for part in moves["direction"])
+    way = ", ".join(f"{round(part, 2) + 0.0:+.2f}" for part in moves["direction"])
     yield f"{len(moving)} of {counted(total, 'block')} move."
     if len(turning) == len(moving):
         yield "All of these turn."
@@ -316,15 +237,16 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
         yield f"Its centre moves in the direction ({way})."
     else:
         yield "It turns about its centre."
-    joints = [
-        f"{moves[key]} {words}"
-        for key, words in (
-            ("parting", "open over their whole length"),
-            ("rocking", "open over a part of it (the blocks rock there)"),
-            ("sliding", "slide while closed"),
-        )
-        if moves[key]
-    ]
+    contacts = moves["contacts"]
+    counted_as = {
+        "open over their whole length": moves["parting"],
+        "open over a part of it (the blocks rock there)": moves["rocking"],
+        "slide while closed": moves["sliding"],
+        "crush": contacts["states"]["crushes"],
+    }
+    joints = [f"{count} {words}" for words, count in counted_as.items() if count]
     *first, last = joints or ["none opens or slides"]
     what = f"{', '.join(first)} and {last}" if first else last
     yield f"Of {counted(moves['joints'], 'joint')} {what}."
+    if contacts["pressure"] > 0.0:
+        yield f"The largest mean pressure of one is {units.stress(contacts['pressure'], 3)}."

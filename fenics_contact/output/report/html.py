@@ -33,8 +33,10 @@ STATUS_OF_ONE: Mapping[str, str] = {
 
 #: Name and meaning of every residual of the verification.
 RESIDUALS: Mapping[str, tuple[str, str]] = {
-    "equilibrium": ("equilibrium", "The forces on every node of the mesh balance."),
+    "equilibrium": ("equilibrium", "Forces and moments on every block and node balance."),
     "tension": ("no tension", "No joint pulls beyond its tensile strength."),
+    "pressure": ("no tension", "No contact pulls beyond its tensile strength."),
+    "ties": ("ties", "No tie pushes, or pulls beyond the tension at which it yields."),
     "penetration": ("no penetration", "No block enters another one, or the ground."),
     "complementarity": ("contact", "Where a joint is open, it carries no force."),
     "friction": ("friction", "No shear force is larger than the joint allows."),
@@ -137,7 +139,7 @@ RANGE = (
 
 NOTES = (
     "What is carried without any friction is surely carried.",
-    "Displacements are small. The problem is planar.",
+    "Displacements are small. Loads and blocks of a planar model do not leave its plane.",
 )
 #: What the blocks do, without and with a compressive strength.
 WITHOUT_STRENGTH = "The blocks are elastic. They do not crush or crack."
@@ -145,6 +147,7 @@ WITH_STRENGTH = (
     "The blocks are elastic and do not crack. Straight joints crush at the compressive strength;"
     " elsewhere nothing crushes."
 )
+RIGID = "The blocks are rigid and do not crack. Their joints are elastic."
 
 #: How the page looks.
 STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")

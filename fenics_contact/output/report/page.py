@@ -17,9 +17,8 @@ from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import (
     first_page,
-    floor_text,
+    gravity_of,
     how_it_fails,
-    of_blocks,
     way_of,
 )
 from fenics_contact.output.report.content import (
@@ -41,6 +40,7 @@ from fenics_contact.output.report.html import (
     PICTURES,
     RANGE,
     RESIDUALS,
+    RIGID,
     STATUS,
     STYLE,
     WITH_STRENGTH,
@@ -54,14 +54,9 @@ from fenics_contact.output.report.html import (
     text,
     value_text,
 )
-from fenics_contact.output.report.spatial import (
-    NOTES_IN_SPACE,
-    OF_BLOCKS,
-    RANGE_IN_SPACE,
-    contacts,
-)
-from fenics_contact.results.bounds import FROM_RIGID, counted, equal
+from fenics_contact.results.bounds import counted, equal
 from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.scene.words import floor_text, law_text, material_text, tie_ends, tie_text
 
 _log = logging.getLogger("fenics_contact")
 
@@ -172,7 +167,7 @@ def pdf_of(writer: Any, page: str) -> bytes:
 def report_page(content: Content) -> str:
     """The page on a result, as HTML."""
     parts: list[str] = []
-    for section, kind in (IN_SPACE if of_blocks(content.record) else SECTIONS).items():
+    for section, kind in SECTIONS.items():
         parts.append(f'<section class="{kind}">' if kind else "<section>")
         parts += [*section(content), "</section>"]
     return _page(content.record["title"] or "Limit load", parts)
@@ -209,40 +204,42 @@ def loads_and_groups(content: Content) -> Iterator[str]:
 
 
 def structure(content: Content) -> Iterator[str]:
-    """What was solved: materials, joints and supports with their units."""
+    """What was solved: materials, groups, laws of contacts, supports and ties."""
     record = content.record
     scene = record["scene"]
     mesh = record["mesh"]
-    names = scene["units"]
     units = content.units
     size = scene["size"]
     held = mesh["bodies"] - mesh["floating_bodies"]
+    sides = (f"{name} {units.length(size[name], 4)}" for name in size if name != "area")
     yield heading("Appendix: the structure")
     yield paragraph(
-        f"{counted(mesh['bodies'], 'block')}, {held or 'none'} held by supports.",
-        f"Width {units.length(size['width'], 4)}, height {units.length(size['height'], 4)},",
-        f"area {size['area']:.4g} m2. Plane {scene['plane']}.",
-        f"Thickness {units.length(units.thickness)}." if units.thickness else "",
+        f"{counted(mesh['bodies'], 'block')}, {held or 'none'} held by supports or ground.",
+        f"{', '.join(sides).capitalize()}.",
+        f"Area {size['area']:.4g} m2. Plane {scene['plane']}." if "area" in size else "",
+        f"Thickness {units.length(scene['thickness'])}." if scene["thickness"] else "",
         "" if units.thickness else "Forces are per metre of thickness.",
     )
-    for kind in ("materials", "joints", "foundations"):
-        rows = _rows(scene[kind], names, units)
-        yield table(rows, ("group", "property", "value"), KEYS[kind])
-    yield table(scene["supports"].items(), ("group", "kind"), KEYS["supports"])
-    ties: list[tuple[str, ...]] = []
-    for name, tie in (scene.get("ties") or {}).items():
-        # Units of one tie where it has a spacing, else per metre of thickness.
-        of_tie = dict.fromkeys(("from", "to", "ground"), "m")
-        for key in ("yield", "stiffness", "prestress"):
-            per_metre, _, apart = names[key].partition(", ")
-            of_tie[key] = apart.removesuffix(" with a spacing") if tie.get("spacing") else per_metre
-        ties += _rows({name: tie}, {**names, **of_tie}, units)
-    yield table(ties, ("tie", "property", "value"), KEYS["ties"])
-    contacts = [
-        (at["group"], at["kind"], at["points"], units.length(at["length"], 4))
-        for at in scene["contacts"]
+    stones = scene["materials"].items()
+    rows = [(name, material_text(one, gravity_of(scene), units)) for name, one in stones]
+    yield table(rows, title=KEYS["materials"])
+    groups = [
+        (one["group"], one["blocks"], f"{one['volume']:.4g}") for one in scene.get("groups", ())
     ]
-    yield table(contacts, ("group", "kind", "joint points", "length"), "Where the blocks touch")
+    yield table(groups, ("group", "blocks", "volume, m3"), "Groups")
+    laws = []
+    for kind in ("joint", "foundation"):
+        found = {at["group"]: at for at in scene["contacts"] if at["kind"] == kind}
+        for name, law in scene[f"{kind}s"].items():
+            *_, count, extent = found.get(name, {"none": 0, "at all": 0.0}).values()
+            many = units.length(extent, 4) if "area" in size else f"{extent:.4g} m2"
+            laws.append((f"{kind} {name}", law_text(law, units), count, many))
+    where = ("joint points", "length") if "area" in size else ("contacts", "area")
+    yield table(laws, ("", "law", *where), "Where the blocks touch")
+    yield table(scene.get("supports", {}).items(), ("group", "kind"), KEYS["supports"])
+    ties = scene["ties"].items()
+    held_by = [(name, tie_ends(one, units), tie_text(one, units)) for name, one in ties]
+    yield table(held_by, ("tie", "where", "what it carries"), KEYS["ties"])
 
 
 def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:
@@ -276,7 +273,7 @@ def load_factors(content: Content) -> Iterator[str]:
     per = "tension" if units.thickness else f"tension {PER_METRE}"
     yield heading("The range of load factors")
     if record["status"] == "limit":
-        yield paragraph(RANGE_IN_SPACE if of_blocks(record) else RANGE)
+        yield paragraph(RANGE)
     told: dict[str, dict[str, str]] = {}  # by title and direction: one beside the other
     for direction, end in record["directions"].items():
         first, *others = end["tables"]
@@ -292,8 +289,7 @@ def load_factors(content: Content) -> Iterator[str]:
             note = paragraph(one["note"]) if one["note"] else ""
             told.setdefault(one["title"], {})[direction] = table(one["rows"], one["head"]) + note
     both = len(record["directions"]) > 1
-    ways = {name: way_of(record, name) for name in record["directions"]}
-    words = {name: way if "to" in way else direction_words(name) for name, way in ways.items()}
+    words = {name: way_of(record, name) for name in record["directions"]}
     for title, parts in told.items():
         yield '<div class="halves">' * both
         for direction, part in parts.items():
@@ -313,7 +309,7 @@ def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> 
         parts.append(paragraph(f"Reason: {reason}"))
     if end["proof"]:
         parts.append(paragraph(f"{end['proof'][0].upper()}{end['proof'][1:]}."))
-    return "".join(parts) + table(row for row in rows if row[0] != FROM_RIGID and row[1] != "0")
+    return "".join(parts) + table(row for row in rows if row[1] != "0")
 
 
 def forces(content: Content) -> Iterator[str]:
@@ -418,14 +414,13 @@ def notes(content: Content) -> Iterator[str]:
     kinds = "materials", "joints", "foundations"
     given = [one.get("compressive_strength") for kind in kinds for one in scene[kind].values()]
     yield heading("What to know when you use these numbers")
-    blocks = WITH_STRENGTH if any(given) else WITHOUT_STRENGTH
-    yield bullets(NOTES_IN_SPACE if of_blocks(content.record) else [*NOTES, blocks])
+    rigid = "cells" not in content.record["mesh"]
+    yield bullets([*NOTES, RIGID if rigid else WITH_STRENGTH if any(given) else WITHOUT_STRENGTH])
 
 
 def verification(content: Content) -> Iterator[str]:
     """Every condition of a collapse state: what it means, by how much it is missed."""
     yield heading("Appendix: verification")
-    meanings = {**RESIDUALS, **(OF_BLOCKS if of_blocks(content.record) else {})}
     yield paragraph(
         "All conditions are computed again from the problem. How the state was found plays no part."
         " A residual is what a condition is missed by, relative to a typical force, displacement"
@@ -443,7 +438,7 @@ def verification(content: Content) -> Iterator[str]:
             good = value is not None and value <= allowed[name]
             # One below zero has room left.
             amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
-            label, meaning = meanings.get(name, (name.replace("_", " "), ""))
+            label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
             rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
         head = ("condition", "what it means", "residual", "allowed", "passed")
         yield table(rows, head, f"State with the {direction_words(direction)}")
@@ -458,7 +453,7 @@ def computation(content: Content) -> Iterator[str]:
     mesh = record["mesh"]
     iterations = record["iterations"]
     yield heading("Appendix: how it was computed")
-    words = record.get("words", {})
+    words = record["words"]
     keys = KEYS | {name: option for name, (option, _, _) in words.items() if option}
     left_out = LEFT_OUT | {name: default for name, (_, default, _) in words.items() if default}
     phases = PHASES | {name: begins for name, (_, _, begins) in words.items() if begins}
@@ -471,7 +466,7 @@ def computation(content: Content) -> Iterator[str]:
             told = "no" if hurried else left_out[key]
         if told != "-":
             rows.append((GAP if key == "gap" else keys.get(key, key), told))
-    if not of_blocks(record):
+    if record["method"]:
         rows += [("method of the state reported", value_text(record["method"]))]
         rows += [("degree of the displacements", scene["degree"])]
     counts = mesh | iterations
@@ -509,17 +504,4 @@ SECTIONS: Mapping[Section, str] = {
     structure: "break appendix columns",
     verification: "appendix",
     computation: "break appendix columns",
-}
-#: The same for blocks in space.
-IN_SPACE: Mapping[Section, str] = {
-    first_page: "first",
-    how_it_fails: "",
-    load_factors: "break",
-    warnings: "",
-    notes: "",
-    capacity: "",
-    sensitivity: "",
-    contacts: "appendix",
-    verification: "appendix",
-    computation: "appendix columns",
 }
