@@ -108,7 +108,7 @@ def check_along(
     else:
         mode = np.asarray(found.mode)
         moment = float(np.vdot(structure.live, mode)) * found.sign / push
-        ratio = moment / (start.participating_mass * way.velocity(mode))
+        ratio = moment / (start.participating_mass * way.control.velocity(mode))
     lost = math.inf if options.lost is None else options.lost
     return nonlinear_check(
         np.abs(here) * ratio,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,9 @@ from fenics_contact.motion.path import (
     BeyondPoint,
     Follower,
     Trace,
-    control_corner,
-    displacement_of,
 )
-from fenics_contact.motion.step import MovingBlocks, forces_as
+from fenics_contact.motion.poses import Poses
+from fenics_contact.motion.step import MovingBlocks, Scenery
 from fenics_contact.spatial.structure import Structure
 
 #: Two paths agree as long as their curves are as near as this, in units of the end and of the
@@ -36,11 +35,67 @@ from fenics_contact.spatial.structure import Structure
 AGREE = 0.04
 #: Ends of two paths are one if displacements differ by less than this part.
 SAME_END = 0.02
-SMALLEST = 1e-300
+#: Places between two points of a curve, for distances from it.
+BETWEEN = 200
 #: Components of a live load below this part of its size say nothing of its direction.
 RESULTANT = 1e-6
 #: Blocks that a sentence names.
 NAMED = 4
+
+
+@dataclass(frozen=True)
+class ControlPoint:
+    """A place fixed to a block, and the direction of its displacement.
+
+    Attributes:
+        block: Number of the block.
+        arm: From its centroid as drawn, m.
+        along: Unit vector.
+    """
+
+    block: int
+    arm: Array
+    along: Array
+
+    @classmethod
+    def of(cls, bodies: MovingBlocks, mode: Array, place: Sequence[float] | None) -> ControlPoint:
+        """The corner that is nearest to a place, m, of blocks that move.
+
+        By default the highest one, of these the farthest one along the live load; the ground that
+        moves on fastest, if any does.
+
+        Raises:
+            SolverError: If no block moves.
+        """
+        along = _direction(bodies)
+        if place is None and bodies.driven is not None:
+            return cls(int(np.abs(bodies.driven[:, :3]).max(axis=1).argmax()), np.zeros(3), along)
+        arms = bodies.sides.corners.reshape(-1, 3)
+        block = np.repeat(bodies.sides.owner, len(arms) // len(bodies.sides.owner))
+        corners = bodies.start.centroid[block] + arms
+        speed = bodies.speed(mode)
+        moves = bodies.structure.number >= 0
+        if place is None:
+            moves &= speed > 1e-3 * speed.max()
+            ranks = np.round(corners @ np.column_stack([along, [0.0, 0.0, 1.0]]) / bodies.size, 6)
+        else:
+            away = np.linalg.norm(bodies.structure.told(corners) - np.array(place), axis=1)
+            ranks = -away[:, None]
+        some = np.flatnonzero(moves[block])
+        if not len(some):
+            raise SolverError("no block moves")
+        best = some[np.lexsort(ranks[some].T)[-1]]
+        return cls(int(block[best]), arms[best], along)
+
+    def displacement(self, start: Poses, poses: Poses) -> float:
+        """Since the start, m."""
+        number, arm = np.array([self.block]), self.arm[None]
+        return float((poses.placed(number, arm) - start.placed(number, arm))[0] @ self.along)
+
+    def velocity(self, mode: Array) -> float:
+        """In a mode of all blocks, shape (blocks, 6)."""
+        turned = np.cross(mode[self.block, 3:], self.arm)
+        return float((mode[self.block, :3] + turned) @ self.along)
 
 
 @dataclass(frozen=True)
@@ -51,7 +106,7 @@ class Beyond:
         block: Name of the block of the control point.
         place: Control point as drawn, m.
         along: Unit vector of its displacement, that of the live load.
-        velocity: Of the control point along it in a mode of the blocks, shape (blocks, 6).
+        control: The control point.
         driven: Whether the ground moves on: load factors are then what the structure presses it
             with along its way, N.
         fine: Path by steps half as long: what is told; the other one where this was stopped.
@@ -63,7 +118,7 @@ class Beyond:
     block: str
     place: tuple[float, ...]
     along: tuple[float, ...]
-    velocity: Callable[[Array], float]
+    control: ControlPoint
     driven: bool
     fine: Trace
     coarse: Trace
@@ -104,12 +159,16 @@ class Beyond:
         points = self.fine.points if self.is_twice else ()
         return tuple(point for point in points if point.displacement <= self.until)
 
-    @property
+    @cached_property
     def until(self) -> float:
         """Displacement up to which both paths agree, m."""
-        scale = np.array([max(self.end, SMALLEST), abs(self.fine.points[0].load_factor) or 1.0])
+        from scipy.spatial import cKDTree
+
+        scale = max(self.end, 1e-300), abs(self.fine.points[0].load_factor) or 1.0
         here, there = (np.column_stack(one.curve) / scale for one in (self.fine, self.coarse))
-        apart = _distance(here, there) > AGREE
+        number = np.linspace(0.0, len(there) - 1.0, BETWEEN * len(there))
+        line = [np.interp(number, np.arange(len(there)), column) for column in there.T]
+        apart = cKDTree(np.column_stack(line)).query(here)[0] > AGREE
         last = int(np.argmax(apart)) - 1 if apart.any() else len(here) - 1
         return float(self.fine.points[max(last, 0)].displacement)
 
@@ -220,38 +279,28 @@ def beyond(
             corner that moves.
         check_stop: May raise `Stopped`: what is known by then is the answer.
     """
-    driven = _driven(structure)
+    driven = structure.moved
+    if driven is not None and (size := float(np.linalg.norm(driven[:, :3], axis=1).max())):
+        driven = driven / size
     bodies = MovingBlocks(structure, driven, 1.0 if collapse is None else collapse.sign)
-    follower = Follower(bodies, lambda poses: 0.0, until=until, check_stop=check_stop)
+    follower = Follower(bodies, until=until, check_stop=check_stop)
     if driven is None and collapse is not None and collapse.force is not None:
-        follower.first = forces_as(structure, collapse.force, collapse.tension, bodies)
-    step = FIRST * bodies.size
+        follower.first = partial(_forces_of, structure, collapse)
     try:
-        mode = follower.drawn.state.mode
+        point = ControlPoint.of(bodies, follower.drawn.state.mode, control)
     except SolverError:
         return None
-    along = _direction(bodies)
-    if control is not None:
-        block, arm = _nearest(bodies, np.array(control))
-    elif driven is None:
-        block, arm = control_corner(bodies, mode, along)
-    else:
-        block, arm = int(np.abs(driven[:, :3]).max(axis=1).argmax()), np.zeros(3)
-    follower.control = displacement_of(bodies, block, arm, along)
-    if driven is not None and control is None:
-        follower.control = follower.driven_by
+    follower.control = partial(point.displacement, bodies.start)
+    step = FIRST * bodies.size
     coarse = follower.trace(step)
     fine = coarse if coarse.stopped else follower.trace(0.5 * step)
     fine = coarse if fine.stopped else fine
-    if not fine.points:
-        return None
-    place = structure.told(bodies.start.centroid[block] + arm)
     names = [one.name or str(k) for k, one in enumerate(structure.blocks)]
     return Beyond(
-        names[block],
-        tuple(place.tolist()),
-        tuple(structure.told(along).tolist()),
-        partial(_velocity, block, arm, along),
+        names[point.block],
+        tuple(structure.told(bodies.start.centroid[point.block] + point.arm).tolist()),
+        tuple(structure.told(point.along).tolist()),
+        point,
         driven is not None,
         fine,
         coarse,
@@ -260,68 +309,36 @@ def beyond(
     )
 
 
-def _velocity(block: int, arm: Array, along: Array, mode: Array) -> float:
-    """Of a place fixed to a block along a unit vector in a mode."""
-    return float((mode[block, :3] + np.cross(mode[block, 3:], arm)) @ along)
-
-
-def _driven(structure: Structure) -> Array | None:
-    """Velocities of ground that moves on, the largest one 1 m; None where none moves."""
-    if structure.moved is None:
-        return None
-    size = float(np.linalg.norm(structure.moved[:, :3], axis=1).max())
-    return structure.moved / size if size else None
+def _forces_of(structure: Structure, collapse: Any, scenery: Scenery) -> Array:
+    """Forces of a collapse as the engine's in the poses as drawn."""
+    count = len(collapse.force)
+    vectors = np.einsum("pk,pki->pi", collapse.force, structure.axes[:count])
+    first, second = (blocks[:count] for _, blocks, _ in structure.ends)
+    plastic = [bar.tie.stiffness is None for bar in structure.bars]
+    tension = collapse.tension[np.flatnonzero(plastic)]
+    return scenery.carried(structure.points.position, first, second, vectors, tension)
 
 
 def _direction(bodies: MovingBlocks) -> Array:
     """Unit vector of what drives: of the live load's resultant, x where it has none."""
-    if bodies.driven is not None:
-        fastest = bodies.driven[:, :3][np.linalg.norm(bodies.driven[:, :3], axis=1).argmax()]
-        return np.asarray(fastest / np.linalg.norm(fastest))
-    force = bodies.loads["live"].force
+    force = bodies.live.force
     total = force.sum(axis=0)
+    least = RESULTANT * float(np.linalg.norm(force, axis=1).sum())
+    if bodies.driven is not None:
+        least = 0.0
+        total = bodies.driven[np.linalg.norm(bodies.driven[:, :3], axis=1).argmax(), :3]
     size = float(np.linalg.norm(total))
-    if size <= RESULTANT * float(np.linalg.norm(force, axis=1).sum()):
-        return np.eye(3)[0]
-    return np.asarray(total / size)
-
-
-def _nearest(bodies: MovingBlocks, place: Array) -> tuple[int, Array]:
-    """Block and arm of the corner that is nearest to a place, of those that move."""
-    sides = bodies.sides
-    found = []
-    for k, block in enumerate(sides.owner.tolist()):
-        if block in bodies.moves:
-            places = bodies.structure.told(sides.corners[k] + bodies.start.centroid[block])
-            away = np.linalg.norm(places - place, axis=1)
-            corner = int(away.argmin())
-            found.append((float(away[corner]), block, sides.corners[k][corner]))
-    _, block, arm = min(found, key=lambda one: one[:2])
-    return block, arm
+    return np.asarray(total / size) if size > least else np.eye(3)[0]
 
 
 def _left_out(structure: Structure) -> Iterator[str]:
     """Laws of contacts that a path does not follow."""
-    laws = structure.laws
-    if any(law.cohesion or law.tensile_strength for law in laws):
-        yield "cohesion and tensile strength"
-    if any(law.dilatancy for law in laws):
+    if any(law.dilatancy for law in structure.laws):
         yield "dilatancy"
     if np.any(structure.crushes):
         yield "crushing"
     if any(len(contact.corners) < 3 for contact in structure.contacts):
         yield "contacts in edges"
-
-
-def _distance(points: Array, line: Array) -> Array:
-    """Least distances of points from a line through others, shape (points,)."""
-    if len(line) < 2:
-        return np.asarray(np.linalg.norm(points - line[0], axis=1))
-    start, edge = line[:-1], np.diff(line, axis=0)
-    length = np.maximum(np.einsum("ei,ei->e", edge, edge), SMALLEST)
-    away = points[:, None] - start
-    part = np.clip(np.einsum("pei,ei->pe", away, edge) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(away - part[:, :, None] * edge, axis=2).min(axis=1))
 
 
 def _names(blocks: Sequence[str]) -> str:

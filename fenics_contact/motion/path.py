@@ -12,18 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
-from fenics_contact.faces.model import FaceModel
-from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.motion.poses import Poses
-from fenics_contact.motion.step import MovingBlocks, face_model, given_state, state_of
+from fenics_contact.motion.step import MovingBlocks, Past, Scenery, given_state, state_of
 from fenics_contact.motion.support import fall
-from fenics_contact.motion.touching import PointUnits
 
 #: The first step, the largest and the least one, in sizes of blocks and in first steps.
 FIRST = 0.02
@@ -32,7 +29,7 @@ LARGEST, LEAST = 8.0, 1.0 / 64.0
 REACH = 3.0
 #: Change of the load factor in a step, over the first one: a step is taken again, half as long,
 #: above the larger one; the next step is longer below the smaller one.
-CHANGE = 0.05
+CHANGE, JUMP = 0.05, 0.125
 #: So many steps at most, and tries to end a step where nothing is left.
 MOST, LANDINGS = 400, 5
 #: Load factors below this part of the first one are 0.
@@ -118,23 +115,30 @@ class Trace:
         return max((point.overlap for point in self.points), default=0.0)
 
 
-class End(NamedTuple):
-    """Why a path ends, and blocks that lose their support."""
+class PathEnds(SolverError):
+    """Why a path ends, and numbers of the blocks that nothing holds."""
 
-    why: str
-    lost: tuple[int, ...] = ()
+    def __init__(self, why: str, lost: tuple[int, ...] = ()) -> None:
+        super().__init__(why)
+        self.lost = lost
 
 
 @dataclass(frozen=True)
 class Stage:
     """A pose, the state of a step from it, and the size of the step, m.
 
-    `change` is that of the load factor in the step before, over the first load factor.
+    Attributes:
+        scenery: Units in the pose.
+        past: What the way to it has left.
+        gaps: Of units, m, shape (units + ties,).
+        state: Of the step.
+        work: Of the live load in the step, J.
+        step: m.
+        change: Of the load factor in the step before, over the first load factor.
     """
 
-    poses: Poses
-    units: PointUnits
-    model: FaceModel
+    scenery: Scenery
+    past: Past
     gaps: Array
     state: FaceState
     work: float
@@ -142,17 +146,17 @@ class Stage:
     change: float = CHANGE
 
     @property
-    def forces(self) -> dict[tuple[int, ...], Array]:
-        """Of units, by their keys."""
-        return dict(zip(self.units.key, self.state.force, strict=False))
+    def force(self) -> Array:
+        """Of units and ties, N, shape (units + ties, d)."""
+        return np.asarray(self.state.force + self.scenery.given)
 
-
-class Following(NamedTuple):
-    """The next stage, the work of friction on the way, J, and what happened, in words."""
-
-    stage: Stage
-    used: float
-    event: str
+    def force_in(self, scenery: Scenery) -> Array:
+        """Its forces as the engine's in other poses."""
+        units = self.scenery.units
+        place, axes, _ = units.at(scenery.poses)
+        force, ties = np.split(self.force, [len(units)])
+        vectors = np.einsum("uk,uki->ui", force, axes[:, : force.shape[1]])
+        return scenery.carried(place, units.plane, units.point, vectors, -ties[:, 1])
 
 
 @dataclass
@@ -162,56 +166,49 @@ class Follower:
     Attributes:
         bodies: Blocks as drawn.
         control: Displacement of the control point in some poses, m.
-        first: Forces at places of the collapse to begin from, as a function of units.
+        first: Forces of the collapse to begin from, as a function of scenery.
         asked: Gap of each point that is enough.
         until: Displacement at which the path ends, m.
         check_stop: May raise `Stopped`: the points found until then are the path.
     """
 
     bodies: MovingBlocks
-    control: Callable[[Poses], float]
-    first: Callable[[PointUnits, Poses], Array] | None = None
+    control: Callable[[Poses], float] = lambda poses: 0.0
+    first: Callable[[Scenery], Array] | None = None
     asked: float = 1e-3
     until: float = np.inf
     check_stop: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
         self._sign = 1.0 if self.bodies.driven is None else -1.0
-        self._longest = self.bodies.ties.length  # that plastic ties have had
 
     def trace(self, step: float) -> Trace:
         """The path by steps that begin with a size, m."""
         points: list[BeyondPoint] = []
-        end = End("")
-        self._longest = self.bodies.ties.length
+        used, event = 0.0, ""
         try:
             stage = self.drawn
             scale = abs(stage.state.load_factor) or 1.0
-            points.append(self._point(stage, 0.0, ""))
-            end = End(self._ended(points, scale))
-            if not end.why:
-                stage = self._stage(stage.poses, step, stage)
-            while not end.why:
+            while True:
+                points.append(self._point(stage, used, event))
+                if why := self._ended(points, scale):
+                    return Trace(tuple(points), why)
+                if not stage.step:
+                    stage = self._stage(stage.scenery.poses, step, stage)
                 self.check_stop()
-                following = self._following(stage, scale, step)
-                if isinstance(following, End):
-                    end = following
-                else:
-                    stage, used, event = following
-                    length = self.bodies.ties.lines(stage.poses)[1]
-                    self._longest = np.maximum(self._longest, length)
-                    points.append(self._point(stage, points[-1].friction + used, event))
-                    end = End(self._ended(points, scale))
+                stage, work, event = self._following(stage, scale, step)
+                used += work
         except Stopped as stopped:
             return Trace(tuple(points), str(stopped), stopped=True)
+        except PathEnds as end:
+            return Trace(tuple(points), str(end), end.lost)
         except SolverError:
-            end = End(NO_STATE)
-        return Trace(tuple(points), end.why, end.lost)
+            return Trace(tuple(points), NO_STATE)
 
     def _ended(self, points: list[BeyondPoint], scale: float) -> str:
         """Why the path ends at its last point; empty where it goes on."""
         here = points[-1]
-        if self._sign * here.load_factor <= NOTHING * scale and self.bodies.driven is None:
+        if here.load_factor <= NOTHING * scale and self.bodies.driven is None:
             return NOTHING_LEFT
         if abs(here.displacement) >= self.until:
             return ASKED
@@ -224,97 +221,92 @@ class Follower:
         Raises:
             SolverError: If no state was found.
         """
-        bodies = self.bodies
-        units = bodies.sides.near(bodies.start, TOUCH * bodies.size)
-        model = face_model(bodies, units, bodies.start, self._longest)
-        gaps = np.zeros(model.shape[0])
-        begin = None
-        state = None
-        if self.first is not None:
-            begin = self.first(units, bodies.start)
-            state = given_state(model, begin, self._sign)
-        state = state or state_of(model, gaps, 1.0, begin, self.asked, self._sign)
-        return Stage(bodies.start, units, model, gaps, state, work=0.0, step=0.0)
+        scenery = self._touching(self.bodies.start, self.bodies.past)
+        model = scenery.model
+        begin = None if self.first is None else self.first(scenery)
+        state = None if begin is None else given_state(model, begin, self._sign)
+        state = state or state_of(model, None, begin, self.asked, self._sign)
+        none = np.zeros(model.shape[0])
+        return Stage(scenery, self.bodies.past, none, state, work=0.0, step=0.0)
+
+    def _touching(self, poses: Poses, past: Past) -> Scenery:
+        """Units that touch in some poses."""
+        units = self.bodies.sides.near(poses, TOUCH * self.bodies.size)
+        if not len(units):
+            raise PathEnds(SUPPORT_LOST, tuple(self.bodies.moves.tolist()))
+        return Scenery.of(self.bodies, units, poses, past)
 
     def _stage(self, poses: Poses, step: float, before: Stage) -> Stage:
         """The state of a step from some poses, from the forces of the stage before."""
         bodies = self.bodies
         units = bodies.sides.near(poses, REACH * step)
-        if not units.key:
-            raise SolverError(SUPPORT_LOST)
-        model = face_model(bodies, units, poses, self._longest)
-        gaps = np.zeros(model.shape[0])
-        gaps[: len(units.key)] = units.at(poses)[2][:, 0]
-        known = before.forces
-        none = np.zeros(model.shape[1])
-        ties = before.state.force[len(before.units.key) :]
-        begin = np.array([*(known.get(key, none) for key in units.key), *ties])
-        speed = bodies.speed(before.state.mode)
+        if not len(units):
+            raise PathEnds(SUPPORT_LOST, tuple(bodies.moves.tolist()))
+        past = bodies.remembered(before.past, poses)
+        scenery = Scenery.of(bodies, units, poses, past)
+        gaps = np.zeros(scenery.model.shape[0])
+        gaps[: len(units)] = units.at(poses)[2][:, 0]
+        begin = before.force_in(scenery)
+        closing = np.maximum(gaps, -OVERLAP * step)
+        speed = bodies.speed(before.state.mode).max()
         for _ in range(3):
             work = step / speed
-            state = state_of(
-                model, np.maximum(gaps, -OVERLAP * step), work, begin, self.asked, self._sign
-            )
-            speed = bodies.speed(state.mode)
+            state = state_of(scenery.model, closing / work, begin, self.asked, self._sign)
+            speed = bodies.speed(state.mode).max()
             if speed * work < 2.0 * step:
                 break
-        return Stage(poses, units, model, gaps, state, work, step)
+        return Stage(scenery, past, gaps, state, work, step)
 
-    def _following(self, stage: Stage, scale: float, first: float) -> Following | End:
-        """The next stage; or the end, if there is none behind the shortest step."""
+    def _following(self, stage: Stage, scale: float, first: float) -> tuple[Stage, float, str]:
+        """The next stage, the work of friction on the way, J, and what happened, in words.
+
+        A step is shorter where the load factor jumps, no state is behind it, or nothing is left.
+
+        Raises:
+            PathEnds: If there is none behind the shortest step.
+        """
         least = LEAST * first
         here = stage
         landings = 0
         used = 0.0
         lost: tuple[int, ...] = ()
-        why = ""
         while True:
             part = 0.5
-            poses = None
+            poses: Poses | None = None
+            found: Stage | None = None
             try:
                 poses, used = self._moved(here, least)
-                if lost:  # whether anything holds them is asked before the programs
-                    lost = self._lost(poses)
-                if lost:
-                    raise SolverError(SUPPORT_LOST)
-                step = self._next_step(stage, here, first)
-                found = self._stage(poses, step, here)
-            except SolverError as error:
-                why = str(error)
-                if poses is not None and not lost:
-                    lost = self._lost(poses)
-            else:
-                change = abs(found.state.load_factor - stage.state.load_factor) / scale
-                jumps = change > 2.5 * CHANGE
-                why = "" if found.state.gap <= 10.0 * self.asked else NO_STATE
-                left = found.state.load_factor if self._sign > 0.0 else np.inf
-                if not why and not jumps and (left > -NOTHING * scale or landings == LANDINGS):
-                    return Following(replace(found, change=change), used, "")
-                if not why and not jumps:  # onto the place where nothing is left
-                    part = stage.state.load_factor / (stage.state.load_factor - left)
-                    landings += 1
-            if not landings:
-                part = max(part, least / here.step)
-            if part > 0.9999 and not landings:
-                break
-            try:
-                here = self._stage(here.poses, part * here.step, here)
+                lost = lost and self._lost(poses)  # before the programs, which take longer
+                if not lost:
+                    found = self._stage(poses, self._next_step(stage, here, first), here)
             except SolverError:
-                return End(NO_STATE)
-        if why:
-            return End(SUPPORT_LOST, lost) if lost else End(NO_STATE)
-        return Following(replace(found, change=change), used, "jump")
+                lost = () if poses is None else self._lost(poses)
+            shortest = here.step < 1.01 * least
+            if found is not None and found.state.gap <= 10.0 * self.asked:
+                before, after = (one.state.load_factor for one in (stage, found))
+                change = abs(after - before) / scale
+                jumps = change > JUMP
+                nothing = self.bodies.driven is None and after < -NOTHING * scale
+                if shortest or not (jumps or (nothing and landings < LANDINGS)):
+                    return replace(found, change=change), used, "jump" * jumps
+                if not jumps:  # onto the place where nothing is left
+                    part = before / (before - after)
+                    landings += 1
+            elif shortest:
+                raise PathEnds(SUPPORT_LOST if lost else NO_STATE, lost)
+            step = max(part * here.step, 0.0 if landings else least)
+            here = self._stage(here.scenery.poses, step, here)
 
     def _lost(self, poses: Poses) -> tuple[int, ...]:
         """Blocks that nothing holds in some poses, whatever the load factor; empty if all are."""
         bodies = self.bodies
         units = bodies.sides.near(poses, TOUCH * bodies.size)
-        if not units.key:
+        if not len(units):
             return tuple(bodies.moves.tolist())
-        motion = fall(face_model(bodies, units, poses, self._longest))
+        motion = fall(Scenery.of(bodies, units, poses, bodies.past).model)
         if motion is None:
             return ()
-        speed = np.linalg.norm(bodies.motions(motion)[:, :3], axis=1)
+        speed = np.linalg.norm(bodies.motions(motion)[:-1, :3], axis=1)
         return tuple(np.flatnonzero(speed > 0.1 * speed.max()).tolist())
 
     def _next_step(self, stage: Stage, here: Stage, first: float) -> float:
@@ -325,36 +317,20 @@ class Follower:
 
     def _point(self, stage: Stage, friction: float, event: str) -> BeyondPoint:
         bodies = self.bodies
-        count = len(stage.units.key)
-        normal = stage.state.force[:count, 0]
-        places = stage.units.at(stage.poses)[0]
+        scenery = stage.scenery
+        pressed = stage.force[: len(scenery.units), 0] > 1e-6 * scenery.model.force
         return BeyondPoint(
-            self.control(stage.poses),
+            self.control(scenery.poses),
             stage.state.load_factor,
-            self._live_work(stage.poses),
+            bodies.work(scenery.poses),
             stage.state.gap,
             float(-stage.gaps.min(initial=0.0)),
-            bodies.stored(stage.poses),
+            bodies.stored(scenery.poses),
             friction,
             event,
-            stage.poses,
-            places[normal > 1e-6 * stage.model.force],
+            scenery.poses,
+            scenery.units.at(scenery.poses)[0][pressed],
         )
-
-    def _live_work(self, poses: Poses) -> float:
-        """Of the live load since the start, J; of driven ground against the unit force."""
-        bodies = self.bodies
-        if bodies.driven is None:
-            return float(bodies.loads["live"].work(bodies.start, poses))
-        return -self.driven_by(poses)
-
-    def driven_by(self, poses: Poses) -> float:
-        """How far ground that is driven has gone, m."""
-        driven = self.bodies.driven
-        if driven is None:
-            return 0.0
-        shift = (poses.centroid - self.bodies.start.centroid)[:-1]
-        return float(np.vdot(shift, driven[:, :3]) / np.vdot(driven[:, :3], driven[:, :3]))
 
     def _moved(self, stage: Stage, least: float) -> tuple[Poses, float]:
         """Poses behind the step of a stage, and the work of friction in it, J.
@@ -362,29 +338,24 @@ class Follower:
         Raises:
             SolverError: If contacts contradict each other.
         """
-        model = stage.model
-        units = stage.units
-        count = len(units.key)
+        model = stage.scenery.model
+        count = len(stage.scenery.units)
         unknowns = stage.work * stage.state.mode
-        relative = model.relative(unknowns)[:count]
-        force = stage.state.force[:count]
-        normal = np.maximum(force[:, 0], 0.0)
-        opening = np.maximum(stage.gaps[:count] + relative[:, 0], 0.0)
-        large = normal > 1e-7 * model.force
-        active = large & (normal / model.force > opening / stage.step)
+        relative = model.relative(unknowns)
+        normal = np.maximum(stage.state.force[:, 0], 0.0)
+        shear = np.linalg.norm(stage.state.force[:, 1:], axis=1)
+        opening = np.maximum(stage.gaps + relative[:, 0], 0.0)
+        active = (normal > 1e-7 * model.force) & (normal / model.force > opening / stage.step)
         slip = np.linalg.norm(relative[:, 1:], axis=1)
-        shear = np.linalg.norm(force[:, 1:], axis=1)
-        left = np.maximum(units.friction * normal - shear, 0.0)
+        left = np.maximum(model.strength + model.friction * normal - shear, 0.0)
         sticks = active & (slip / stage.step < left / model.force)
-        first = stage.poses.moved(self.bodies.motions(unknowns))
-        used = float(shear @ slip)
-        stretched = model.relative(unknowns)[count:, 1]  # of ties that yield
-        used += float((model.strength[count:] - stage.state.force[count:, 1]) @ stretched)
-        for keep in (sticks, np.zeros(count, dtype=bool)):  # hinges; else gaps alone
-            poses, missed = self._on_chain(stage, first, active, keep)
+        used = float(shear[:count] @ slip[:count] - stage.force[count:, 1] @ relative[count:, 1])
+        first = stage.scenery.poses.moved(self.bodies.motions(unknowns))
+        for keep in (sticks, np.zeros_like(sticks)):  # hinges; else gaps alone
+            poses, missed = self._on_chain(stage, first, active[:count], keep[:count])
             if missed < 1e-2 * stage.step and self._apart(first, poses) < 0.5 * stage.step:
                 return poses, used
-        if stage.step > least * 1.01:
+        if stage.step > 1.01 * least:
             raise SolverError("contacts contradict each other")
         return first, used
 
@@ -405,71 +376,30 @@ class Follower:
         from scipy.sparse.linalg import splu
 
         bodies = self.bodies
-        units = stage.units
-        count = len(units.key)
+        units = stage.scenery.units
         dimension = bodies.structure.dimension
-        before = units.at(stage.poses)[2][:, :dimension]
+        before = units.at(stage.scenery.poses)[2][:, :dimension]
         wanted = np.where(np.arange(dimension) == 0, 0.0, before)
-        goal = self._live_work(stage.poses) + self._sign * stage.work
+        lowest = np.minimum(before[:, 0], 0.0) - 1e-10 * bodies.size
+        goal = bodies.work(stage.scenery.poses) + self._sign * stage.work
         active = active.copy()
         missed = np.inf
         for tried in range(24):
             placed = units.at(poses)[2][:, :dimension]
-            keep = np.zeros(placed.shape, dtype=bool)
-            keep[active, 0] = True
-            keep[sticks, 1:] = True
-            live = bodies.live(poses)
+            keep = np.column_stack([active, *[sticks] * (dimension - 1)])
+            live = bodies.live_load(poses)
             size = float(np.linalg.norm(live))
-            off = np.append((placed - wanted)[keep], (self._live_work(poses) - goal) / size)
+            off = np.append((placed - wanted)[keep], (bodies.work(poses) - goal) / size)
             missed = float(np.abs(off).max(initial=0.0))
             if missed < EXACT * bodies.size or tried % 6 == 5:
-                lowest = np.minimum(before[:, 0], 0.0) - 1e-10 * bodies.size
                 overlap = (placed[:, 0] < lowest) & ~active
                 if not overlap.any() or tried > 18:
                     break
                 active |= overlap
                 continue
-            rows = bodies.relative_motion(units, poses)[: count * dimension][keep.ravel()]
+            rows = bodies.relative_motion(units, poses)[: placed.size][keep.ravel()]
             matrix = vstack([rows, csr_matrix(live / size)])
             normal = matrix.T @ matrix + 1e-9 * identity(matrix.shape[1])
             change = -splu(normal.tocsc()).solve(matrix.T @ off)
             poses = poses.moved(bodies.motions(change))
         return poses, missed
-
-
-def control_corner(bodies: MovingBlocks, mode: Array, along: Array) -> tuple[int, Array]:
-    """The highest corner that moves, of these the farthest one along a direction.
-
-    Returns:
-        Its block, and its arm from the centroid as drawn, m.
-    """
-    sides = bodies.sides
-    motions = bodies.motions(mode)
-    turning = np.linalg.norm(motions[:, 3:], axis=1) * sides.reach
-    speed = np.linalg.norm(motions[:, :3], axis=1) + turning
-    moving = [k for k, block in enumerate(sides.owner) if speed[block] > 1e-3 * speed.max()]
-    best: tuple[tuple[float, float], int, Array] | None = None
-    for k in moving:
-        block = int(sides.owner[k])
-        places = sides.corners[k] + bodies.start.centroid[block]
-        ranks = np.round(places @ np.column_stack([[0.0, 0.0, 1.0], along]) / bodies.size, 6)
-        number = int(np.lexsort((ranks[:, 1], ranks[:, 0]))[-1])
-        rank = float(ranks[number, 0]), float(ranks[number, 1])
-        if best is None or rank > best[0]:
-            best = rank, block, sides.corners[k][number]
-    if best is None:
-        raise SolverError("no block moves")
-    return best[1], best[2]
-
-
-def displacement_of(
-    bodies: MovingBlocks, block: int, arm: Array, along: Array
-) -> Callable[[Poses], float]:
-    """Displacement of a place fixed to a block along a unit vector, m."""
-    number: Indices = np.array([block])
-
-    def displacement(poses: Poses) -> float:
-        moved = poses.placed(number, arm[None]) - bodies.start.placed(number, arm[None])
-        return float(moved[0] @ along)
-
-    return displacement

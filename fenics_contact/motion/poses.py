@@ -12,7 +12,7 @@ moment of forces F_i at places r_i is that of the tensor T = sum r_i F_i^T, turn
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,30 +43,25 @@ class Poses:
         centroid = np.array([*(block.centroid for block in structure.blocks), np.zeros(3)])
         return cls(centroid, np.tile(np.eye(3), (len(centroid), 1, 1)))
 
-    def turned(self, block: Indices, vectors: Array) -> Array:
-        """Vectors fixed to blocks, as these are turned now, shape (., 3)."""
-        return np.asarray(np.einsum("nij,nj->ni", self.rotation[block], vectors))
-
     def placed(self, block: Indices, arms: Array) -> Array:
-        """Places fixed to blocks, m, from their arms about centroids as drawn."""
-        return np.asarray(self.centroid[block] + self.turned(block, arms))
+        """Places fixed to blocks, m, from their arms about centroids as drawn, shape (., 3)."""
+        turned = np.einsum("nij,nj->ni", self.rotation[block], arms)
+        return np.asarray(self.centroid[block] + turned)
 
     def local(self, block: Indices, places: Array) -> Array:
         """The reverse of `placed`: arms of present places, as drawn."""
-        return np.asarray(
-            np.einsum("nji,nj->ni", self.rotation[block], places - self.centroid[block])
-        )
+        arms = places - self.centroid[block]
+        return np.asarray(np.einsum("nji,nj->ni", self.rotation[block], arms))
 
     def moved(self, motions: Array) -> Poses:
-        """Poses after motions, m and rad, shape (blocks, 6)."""
+        """Poses after motions, m and rad, shape (blocks + 1, 6)."""
         from scipy.spatial.transform import Rotation
 
-        shift, turn = np.vstack([motions, np.zeros(6)]).reshape(-1, 2, 3).transpose(1, 0, 2)
+        shift, turn = motions.reshape(-1, 2, 3).transpose(1, 0, 2)
         angle = np.linalg.norm(turn, axis=1)
+        first = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
         safe = np.maximum(angle, SMALL)
-        small = angle < SMALL
-        first = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
-        second = np.where(small, 1.0 / 6.0, (safe - np.sin(safe)) / safe**3)
+        second = np.where(angle < SMALL, 1.0 / 6.0, (1.0 - np.sinc(safe / np.pi)) / safe**2)
         across = np.cross(turn, shift)
         shift = shift + first[:, None] * across + second[:, None] * np.cross(turn, across)
         turned = Rotation.from_rotvec(turn).as_matrix() @ self.rotation
@@ -78,46 +73,44 @@ class MovedLoad:
     """Forces that keep their direction, at places that move with blocks.
 
     Attributes:
-        force: Their sums, N, shape (blocks, 3).
-        moment: T = sum r F^T about the centroids as drawn, N m, shape (blocks, 3, 3).
+        force: Their sums, N, shape (blocks + 1, 3).
+        moment: T = sum r F^T about the centroids as drawn, N m, shape (blocks + 1, 3, 3).
     """
 
     force: Array
     moment: Array
 
     @classmethod
-    def of(cls, structure: Structure, acting: Iterable[Acting]) -> MovedLoad:
-        """The load of some forces at places."""
-        centroid = np.array([block.centroid for block in structure.blocks])
+    def of(cls, structure: Structure, acting: Iterable[Acting], sign: float = 1.0) -> MovedLoad:
+        """The load of some forces at places, or the reverse of it."""
+        centroid = Poses.drawn(structure).centroid
         force = np.zeros((len(centroid), 3))
         moment = np.zeros((len(centroid), 3, 3))
         for one in acting:
             arm = one.place - centroid[one.block]
-            np.add.at(force, one.block, one.force)
-            np.add.at(moment, one.block, arm[:, :, None] * one.force[:, None, :])
+            np.add.at(force, one.block, sign * one.force)
+            np.add.at(moment, one.block, sign * arm[:, :, None] * one.force[:, None, :])
         return cls(force, moment)
 
     def at(self, poses: Poses) -> Array:
-        """Forces and moments about the centroids, N and N m, shape (blocks, 6)."""
-        turned = poses.rotation[:-1] @ self.moment
+        """Forces and moments about the centroids, N and N m, shape (blocks + 1, 6)."""
+        turned = poses.rotation @ self.moment
         about = [turned[:, j, k] - turned[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))]
         return np.column_stack([self.force, *about])
 
     def work(self, start: Poses, end: Poses) -> float:
         """Between two poses, J."""
-        shift = end.centroid[:-1] - start.centroid[:-1]
-        turn = end.rotation[:-1] - start.rotation[:-1]
-        return float(np.vdot(self.force, shift) + np.einsum("nij,nji->", turn, self.moment))
+        turn = end.rotation - start.rotation
+        shifted = np.vdot(self.force, end.centroid - start.centroid)
+        return float(shifted + np.einsum("nij,nji->", turn, self.moment))
 
 
-def loads_of(structure: Structure, sign: float = 1.0) -> Mapping[str, MovedLoad]:
+def loads_of(structure: Structure, sign: float = 1.0) -> tuple[MovedLoad, MovedLoad]:
     """The dead load, and the live load or the reverse of it, from all forces of a structure."""
-    parts: dict[str, list[Acting]] = {"dead": [], "live": []}
-    for key, acting in structure.acting.items():
-        parts["live" if key.startswith("loads.live") else "dead"].append(acting)
-    found = {name: MovedLoad.of(structure, part) for name, part in parts.items()}
-    live = found["live"]
-    return found | {"live": MovedLoad(sign * live.force, sign * live.moment)}
+    every = structure.acting.items()
+    live = [acting for key, acting in every if key.startswith("loads.live")]
+    dead = [acting for key, acting in every if not key.startswith("loads.live")]
+    return MovedLoad.of(structure, dead), MovedLoad.of(structure, live, sign)
 
 
 class TurningTies:
@@ -131,52 +124,41 @@ class TurningTies:
     def __init__(self, bars: tuple[Bar, ...], start: Poses) -> None:
         self.block = np.array([bar.blocks for bar in bars], dtype=int).reshape(-1, 2)
         ends = np.array([bar.ends for bar in bars]).reshape(-1, 2, 3)
-        self.arm = np.stack([ends[:, k] - start.centroid[self.block[:, k]] for k in (0, 1)], axis=1)
-        self.length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        self.stiffness = np.array([bar.tie.stiffness or 0.0 for bar in bars])
-        self.prestress = np.array([bar.tie.prestress for bar in bars])
+        self._arm = ends - start.centroid[self.block]
+        self.drawn = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        self._stiffness = np.array([bar.tie.stiffness or 0.0 for bar in bars])
+        self._prestress = np.array([bar.tie.prestress for bar in bars])
         self.yields = np.array([bar.tie.yield_ for bar in bars])
-
-    @property
-    def plastic(self) -> Indices:
-        """Numbers of those without a stiffness."""
-        return np.flatnonzero(self.stiffness == 0.0)
+        self.plastic = np.flatnonzero(self._stiffness == 0.0)
 
     def lines(self, poses: Poses) -> tuple[Array, Array, Array]:
-        """Unit vectors from first to second ends, lengths, m, and arms, shape (ties, 2, 3)."""
-        arms = np.stack([poses.turned(self.block[:, k], self.arm[:, k]) for k in (0, 1)], axis=1)
-        places = poses.centroid[self.block] + arms
-        line = places[:, 1] - places[:, 0]
+        """Places of both ends, m, shape (ties, 2, 3), unit vectors to the second, and lengths."""
+        ends = np.stack([poses.placed(self.block[:, k], self._arm[:, k]) for k in (0, 1)], axis=1)
+        line = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(line, axis=1)
-        return line / length[:, None], length, arms
-
-    def tension(self, length: Array) -> Array:
-        """Of ties with a stiffness, N; of the others 0."""
-        elastic = self.prestress + self.stiffness * (length - self.length)
-        return np.where(self.stiffness > 0.0, np.clip(elastic, 0.0, self.yields), 0.0)
+        return ends, line / length[:, None], length
 
     def load(self, poses: Poses) -> Array:
-        """Forces and moments of ties with a stiffness about centroids, shape (blocks, 6)."""
-        line, length, arms = self.lines(poses)
-        pull = self.tension(length)[:, None] * line
+        """Forces and moments of ties with a stiffness about centroids, shape (blocks + 1, 6)."""
+        ends, line, length = self.lines(poses)
+        tension = np.clip(self._elastic(length), 0.0, self.yields) * (self._stiffness > 0.0)
         found = np.zeros((len(poses.centroid), 6))
-        for end, sign in ((0, 1.0), (1, -1.0)):
-            force = np.hstack([sign * pull, np.cross(arms[:, end], sign * pull)])
-            np.add.at(found, self.block[:, end], force)
-        return found[:-1]
+        for end, pull in ((0, tension[:, None] * line), (1, -tension[:, None] * line)):
+            block = self.block[:, end]
+            moment = np.cross(ends[:, end] - poses.centroid[block], pull)
+            np.add.at(found, block, np.hstack([pull, moment]))
+        return found
 
-    def energy(self, poses: Poses) -> float:
-        """What ties with a stiffness took up, J: the integral of tension over elongation."""
-        _, length, _ = self.lines(poses)
-        total = 0.0
-        for k in np.flatnonzero(self.stiffness):
-            taken = [self._taken(k, at) for at in (self.length[k], length[k])]
-            total += taken[1] - taken[0]
-        return total
+    def stored(self, poses: Poses) -> float:
+        """Work into ties with a stiffness since the start, J: T^2 / 2 k, and what yields by Y."""
+        now, then = (self._elastic(length) for length in (self.lines(poses)[2], self.drawn))
+        work = [
+            0.5 * np.clip(force, 0.0, self.yields) ** 2
+            + self.yields * np.maximum(force - self.yields, 0.0)
+            for force in (now, then)
+        ]
+        springs = self._stiffness > 0.0
+        return float(((work[0] - work[1])[springs] / self._stiffness[springs]).sum())
 
-    def _taken(self, k: int, length: float) -> float:
-        """T^2 / 2 k up to the yield, and Y times what is stretched beyond."""
-        force = self.prestress[k] + self.stiffness[k] * (length - self.length[k])
-        up_to = np.clip(force, 0.0, self.yields[k])
-        beyond = max(force - self.yields[k], 0.0)
-        return float((0.5 * up_to**2 + self.yields[k] * beyond) / self.stiffness[k])
+    def _elastic(self, length: Array) -> Array:
+        return np.asarray(self._prestress + self._stiffness * (length - self.drawn))

@@ -9,49 +9,47 @@ from fenics_contact.geometry.mesh import Array
 
 #: Friction in space: so many tangents about the circle, outside of it.
 TANGENTS = 16
-#: Missing forces above this part of a typical force are a proof.
-MISSING = 1e-6
+#: Work of the dead load above this part of a typical force, in motions up to 1, is a proof.
+PROVED = 1e-6
 
 
 def fall(model: FaceModel) -> Array | None:
-    """Motion of the blocks that no forces and no load factor hold; None if some forces do.
+    """Motion of the blocks that no forces and no load factor hold; None if there is none.
 
-    The least sum of forces that are missing in equilibrium,
+    The linear program, with slip s of units,
 
-        min |r|_1,   H^T x + f_D + lambda f_L = r,   n >= 0,   |t| <= c + F n,
+        max f_D . v - c . s,   f_L . v = 0,   |v_T| <= s,   F s <= v_N,   |v| <= 1:
 
-    a linear program; discs of friction are taken larger, as polygons around them, so that what is
-    missing is missed with discs, too. Its multipliers are the motion.
+    any forces would do the work -f_D . v in such a motion, and they do c . s at most. Slip is
+    measured by a polygon outside of its circle, so that it is not too small.
     """
     from scipy.optimize import linprog
     from scipy.sparse import bmat, csr_matrix, diags, identity, kron
 
     units, size = model.shape
-    shears = model.shears
-    angles = np.arange(TANGENTS) * 2.0 * np.pi / TANGENTS
-    ways = np.column_stack([np.cos(angles), np.sin(angles)])[:, :shears]
-    ways = ways if shears > 1 else np.array([[1.0], [-1.0]])
-    pressed = np.tile([[1.0, *np.zeros(shears)]], (len(ways), 1))
-    sheared = np.hstack([np.zeros((len(ways), 1)), ways])
-    cones = kron(identity(units), sheared) - kron(diags(model.friction), pressed)
-    count = len(model.dead)
-    typical = model.force
-    one = identity(count)
-    balance = bmat([[model.transposed, csr_matrix(model.live[:, None] / model.load), one, -one]])
-    none = csr_matrix((cones.shape[0], 1 + 2 * count))
+    ways = np.array([[1.0], [-1.0]])
+    if model.shears > 1:
+        angles = np.arange(TANGENTS) * 2.0 * np.pi / TANGENTS
+        ways = np.column_stack([np.cos(angles), np.sin(angles)]) / np.cos(np.pi / TANGENTS)
+    along = np.hstack([np.zeros((len(ways), 1)), ways])
+    across = np.eye(1, size)
+    one = identity(units)
+    cones = bmat(
+        [
+            [kron(one, along) @ model.motion, -kron(one, np.ones((len(ways), 1)))],
+            [-kron(one, across) @ model.motion, diags(model.friction)],
+        ]
+    )
+    none = np.zeros(units)
     found = linprog(
-        np.concatenate([np.zeros(units * size + 1), np.ones(2 * count)]),
-        A_ub=bmat([[cones, none]]),
-        b_ub=np.repeat(model.strength / typical, len(ways)),
-        A_eq=balance,
-        b_eq=-model.dead / typical,
-        bounds=[
-            *[(0.0 if k % size == 0 else None, None) for k in range(units * size)],
-            (None, None),
-            *[(0.0, None)] * (2 * count),
-        ],
+        np.append(-model.dead, model.strength) / model.force,
+        A_ub=cones,
+        b_ub=np.zeros(cones.shape[0]),
+        A_eq=csr_matrix(np.append(model.live / model.load, none)[None]),
+        b_eq=[0.0],
+        bounds=[(-1.0, 1.0)] * len(model.dead) + [(0.0, None)] * units,
         method="highs",
     )
-    if found.status != 0 or found.fun <= MISSING:
+    if found.status != 0 or found.fun > -PROVED:
         return None
-    return np.asarray(found.eqlin.marginals)
+    return np.asarray(found.x[: len(model.dead)])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from fenics_contact.errors import Stopped
 from fenics_contact.motion.check import Spectrum, nonlinear_check
-from tests.motion.structures import box, in_plane, way_down
+from tests.motion.structures import box, in_plane, turned, way_down
 
 #: A lintel that bears 0.2 m on either side of a door, and where it lies.
 LINTEL = [box(0, 0, 2.0, 0.3), box(-1.0, -1.0, 0.2, 0), box(1.8, -1.0, 3.0, 0)]
@@ -70,12 +72,28 @@ def test_lintel_loses_its_bearing():
     )
 
 
-def test_strengths_that_are_not_followed_are_named():
-    joints = {"default": {"friction": 0.7, "cohesion": 1e4}}
-    found = way_down(in_plane([box(0, 0, 0.5, 5.0)], joints=joints))
-    assert found.left_out == ("cohesion and tensile strength",)
-    assert any("leaves out cohesion" in text for text in found.sentences())
-    assert found.fine.points[0].load_factor == pytest.approx(0.1, abs=1e-6)
+def test_cohesion_is_lost_where_it_slips():
+    """F + c A / W as drawn, then F alone."""
+    blocks = [box(0, 0, 1, 1), box(-5, -0.5, 6, 0)]
+    joints = {"default": {"friction": 0.3, "cohesion": 2e3}}
+    found = way_down(in_plane(blocks, fixed=[1], joints=joints), until=0.1)
+    first, *others = [point.load_factor for point in found.fine.points]
+    assert first == pytest.approx(0.3 + 2e3 / (2000.0 * 9.81), abs=1e-6)
+    assert others == pytest.approx([0.3] * len(others), abs=1e-6)
+    assert found.fine.points[1].event == "jump"
+    assert found.left_out == ()
+
+
+def test_tensile_strength_is_lost_where_it_opens():
+    """The far edge holds with f_t b / 2 as drawn; then the wall rocks as without."""
+    joints = {"default": {"friction": 0.7, "cohesion": 1e4, "tensile_strength": 1e4}}
+    found = way_down(in_plane([box(0, 0, 0.5, 5.0)], joints=joints), until=0.3)
+    first, *others = found.fine.points
+    weight = 2000.0 * 0.5 * 5.0 * 9.81
+    assert first.load_factor == pytest.approx(0.1 * (1.0 + 1e4 * 0.5 / weight), abs=1e-6)
+    for point in others:
+        exact = math.tan(math.atan(0.1) - turned(point))
+        assert point.load_factor == pytest.approx(exact, abs=1e-6)
 
 
 def test_stopped_path_keeps_its_points():
