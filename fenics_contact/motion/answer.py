@@ -13,7 +13,7 @@ import numpy as np
 from fenics_contact.answers.seismic import SeismicCheck
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
-from fenics_contact.motion.files import draw_beyond, write_poses, write_table
+from fenics_contact.motion.files import draw_beyond, with_way, write_poses, write_table
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
@@ -52,6 +52,10 @@ class BeyondAnswer(Answer):
     def record(self) -> dict[str, Any]:
         """For result.json."""
         return self.value.record()
+
+    def seen(self, view: BlockView) -> BlockView:
+        """Its viewer goes through the poses."""
+        return with_way(self.value, view)
 
     def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
         """Write beyond.csv, and what is asked for of beyond.pvd and beyond.png."""

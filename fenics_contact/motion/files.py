@@ -21,6 +21,8 @@ from fenics_contact.spatial.vtu import write_series
 
 #: Poses that the picture shows, in parts of the way.
 SHOWN = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
+#: Poses that the viewer goes through.
+VIEWED = 25
 #: Inches.
 CURVE, POSE, HIGH = 4.2, 2.4, 4.6
 
@@ -47,6 +49,19 @@ def posed(view: BlockView, point: BeyondPoint) -> BlockView:
     moved = replace(bodies, pieces=pieces, centroid=poses.centroid[:-1])
     nothing = {"motion": np.zeros_like(view.motion), "live": np.zeros_like(view.live)}
     return replace(view, bodies=moved, tie_ends=ends, **nothing)
+
+
+def with_way(beyond: Beyond, view: BlockView) -> BlockView:
+    """A view with poses along the way."""
+    from scipy.spatial.transform import Rotation
+
+    way = []
+    for point in shown_points(beyond, np.linspace(0.0, 1.0, VIEWED).tolist()):
+        shift = point.poses.centroid[:-1] - view.bodies.centroid
+        turn = Rotation.from_matrix(point.poses.rotation[:-1]).as_rotvec()
+        carried = point.load_factor * (1e-3 if beyond.driven else 1.0)
+        way.append((point.displacement, carried, np.hstack([shift, turn])))
+    return replace(view, way=way, way_unit=" kN" if beyond.driven else "")
 
 
 def shown_points(beyond: Beyond, parts: Sequence[float] = SHOWN) -> list[BeyondPoint]:

@@ -188,6 +188,9 @@ class BlockView:
         title: Of the scene.
         caption: Of the collapse.
         suffix: What names of files have behind them.
+        way: After the peak: displacements, m, what is carried, and true poses of all blocks, their
+            shifts, m, and vectors of their rotations, shape (blocks, 6); empty if it is not known.
+        way_unit: Behind what is carried.
     """
 
     bodies: Bodies
@@ -201,6 +204,8 @@ class BlockView:
     title: str = ""
     caption: str = ""
     suffix: str = ""
+    way: Sequence[tuple[float, float, Array]] = ()
+    way_unit: str = ""
 
     def scaled(self) -> Self:
         """The same, with a largest displacement of a corner of 8 % of the structure's size."""

@@ -137,6 +137,10 @@ class Answer(ABC):
     def lines(self, end: Collapse, words: Wording) -> Sequence[Line]:
         """Lines for the console, of an answer to a collapse: for everybody, or for `-v` alone."""
 
+    def seen(self, view: BlockView) -> BlockView:
+        """A view of the collapse with what it shows of this answer."""
+        return view
+
     def table(self, end: Collapse, words: Wording) -> Table:
         """What the report holds: the lines for `-v`, or for everybody where these say all."""
         lines = self.lines(end, words)

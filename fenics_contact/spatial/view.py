@@ -85,6 +85,9 @@ def views_of(result: SpatialLimit) -> dict[str, BlockView]:
         name: replace(view_of(result.structure, collapse, ties), title=title)
         for name, collapse in result.ends.items()
     }
+    for name, collapse in result.ends.items():
+        for answer in collapse.told:
+            views[name] = answer.seen(views[name])
     if len(views) == 2:
         views["negative"] = replace(views["negative"], suffix="_negative")
     return views

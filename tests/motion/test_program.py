@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 
 import pytest
 
@@ -51,6 +53,13 @@ def test_files_and_words(solved, capsys):
     check = record["directions"]["positive"]["seismic"]["nonlinear"]
     assert check["d_0"] == pytest.approx(0.25, abs=1e-6)  # of the centre of mass
     assert check["verdict"] == "enough"
+    viewer = (solved / "out" / "viewer.html").read_text()
+    shown = json.loads(re.search(r'application/json">(.*)</script>', viewer).group(1))
+    way = shown["views"][0]["way"]
+    assert [way[0]["at"], way[0]["carried"]] == pytest.approx([0.0, 0.1], abs=1e-6)
+    assert way[-1]["at"] == pytest.approx(there["zero"], rel=1e-9)
+    wall = next(k for k, block in enumerate(shown["blocks"]) if not block["fixed"])
+    assert way[-1]["pose"][wall][4] == pytest.approx(math.atan2(0.5, 5.0), abs=1e-4)
     page = (solved / "out" / "report.html").read_text()
     assert "After the peak" in page
     assert "ground acceleration that it stands" in page

@@ -1,4 +1,4 @@
-"""A page that moves the blocks along the collapse mode, and turns them, without any other file."""
+"""A page that moves blocks along the collapse mode, or the way after the peak, and turns them."""
 
 from __future__ import annotations
 
@@ -86,6 +86,11 @@ def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
                 "share": rounded(one.share, 3),
                 "use": rounded(one.utilisation, 3),
                 "marked": one.marked,
+                "unit": one.way_unit,
+                "way": [
+                    {"at": at, "carried": carried, "pose": rounded(pose, digits + 1)}
+                    for at, carried, pose in one.way
+                ],
                 "contacts": [
                     (*pair, state, rounded(corners))
                     for pair, corners, state in zip(
