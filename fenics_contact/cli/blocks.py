@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from pathlib import Path
 from typing import Any
-
-from mpi4py import MPI
 
 from fenics_contact.spatial.check import description
 from fenics_contact.spatial.limit import limit_load, standing
@@ -17,9 +14,8 @@ from fenics_contact.spatial.scene import BlockScene
 __all__ = ["checked", "count", "read", "solved", "standing"]
 
 
-def read(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> BlockScene:
-    """A scene from the tables of a file in a folder."""
-    return BlockScene.from_tables(tables, folder)
+#: A scene from the tables of a file, its folder, and the ranks.
+read = BlockScene.of_tables
 
 
 def count(scene: BlockScene) -> int:

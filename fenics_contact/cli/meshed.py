@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from pathlib import Path
 from typing import Any
-
-from mpi4py import MPI
 
 from fenics_contact.console import description
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import standing
-from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import LimitLoad, limit_load
 from fenics_contact.scene.scene import Scene
 
 __all__ = ["checked", "count", "read", "solved", "standing"]
 
 
-def read(tables: dict[str, Any], folder: Path, comm: MPI.Comm) -> Scene:
-    """A scene from the tables of a file in a folder."""
-    return Scene.from_tables(
-        tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
-    )
+#: A scene from the tables of a file, its folder, and the ranks.
+read = Scene.of_tables
 
 
 def count(scene: Scene) -> int:

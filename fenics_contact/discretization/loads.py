@@ -28,7 +28,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -414,9 +413,20 @@ def soil_strips(scene: Scene, boundary: Boundary) -> dict[str, Strips]:
     return found
 
 
-def stress_of_soil(soil: Soil, height: Array) -> Array:
+def stress_of_soil(soil: Soil | EarthPressure, height: Array) -> Array:
     """Vertical stress in soil at heights below its surface, Pa."""
     return soil.surcharge + soil.unit_weight * (soil.level - height)
+
+
+def _pressed(
+    boundary: Boundary, strips: Strips, soil: Soil | EarthPressure, share: Array
+) -> tuple[Indices, Array]:
+    """Facets and the forces on their nodes, of tractions that are shares of the stress of soil."""
+
+    def traction(position: Array) -> Array:
+        return stress_of_soil(soil, position[..., 1])[..., None] * share[:, None]
+
+    return strips.facets, strips.forces(boundary, traction)
 
 
 def forces_of_soil(scene: Scene, boundary: Boundary) -> list[tuple[Indices, Array]]:
@@ -430,12 +440,7 @@ def forces_of_soil(scene: Scene, boundary: Boundary) -> list[tuple[Indices, Arra
         across, up = boundary.normal[strips.facets].T
         down = np.maximum(up, 0.0) * soil.weight
         share = -np.column_stack([soil.coefficients[0] * across, down])
-
-        def traction(position: Array, soil: Soil, share: Array) -> Array:
-            return stress_of_soil(soil, position[..., 1])[..., None] * share[:, None]
-
-        acts = partial(traction, soil=soil, share=share)
-        found.append((strips.facets, strips.forces(boundary, acts)))
+        found.append(_pressed(boundary, strips, soil, share))
     return found
 
 
@@ -456,31 +461,23 @@ def forces_on_facets(
         along = np.column_stack([-normal[:, 1], normal[:, 0]])
         down = np.where(along[:, 1:] > 0.0, -along, along)
         direction = down * math.tan(math.radians(earth.wall_friction)) - normal
-
-        def traction(position: Array, earth: EarthPressure, direction: Array) -> Array:
-            depth = earth.level - position[..., 1]
-            pressure = earth.coefficient * (earth.surcharge + earth.unit_weight * depth)
-            return pressure[..., None] * direction[:, None]
-
-        acts = partial(traction, earth=earth, direction=direction)
-        found.append((strips, strips.forces(boundary, acts)))
+        found.append(_pressed(boundary, strips, earth, earth.coefficient * direction))
     if load.force:
         free = np.ones(len(boundary.length), dtype=bool)
         free[facing_facets(boundary).facets] = False
         for name, force in load.force.items():
             found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
-    return [(strips.facets, force) for strips, force in found]
+    return found
 
 
-def _at_place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[Strips, Array]:
-    """Where a force acts, and its forces on the nodes; along the line of the facet it meets."""
+def _at_place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[Indices, Array]:
+    """Facets that a force acts on, and the forces on their nodes, as `forces_on_facets` has."""
     facet, place = _place(boundary, free, load, key)
     ends = boundary.points[facet, :2]
     along = (ends[1] - ends[0]) / boundary.length[facet]
     if load.width == 0.0:
         s = np.array([(place - ends[0]) @ along / boundary.length[facet]])
-        strips = Strips(np.array([facet]), s, s)
-        return strips, lagrange(s, boundary.nodes.shape[1])[:, :, None] * load.force
+        return np.array([facet]), lagrange(s, boundary.nodes.shape[1])[:, :, None] * load.force
     # The force is spread evenly over the projection on that line of what looks the same way.
     alike = free & (boundary.normal @ boundary.normal[facet] > ALIKE)
     off = np.abs((boundary.points[:, :2].mean(axis=1) - place) @ boundary.normal[facet])
@@ -498,9 +495,8 @@ def _at_place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[S
     strips = Strips(near[end > start], start[end > start], end[end > start])
     per_length = np.array(load.force) / load.width
     share = (np.abs(span) / boundary.length[near])[end > start]
-    return strips, strips.forces(boundary, lambda x: np.broadcast_to(per_length, x.shape)) * (
-        share[:, None, None]
-    )
+    even = strips.forces(boundary, lambda x: np.broadcast_to(per_length, x.shape))
+    return strips.facets, even * share[:, None, None]
 
 
 def _place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[int, Array]:

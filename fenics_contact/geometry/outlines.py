@@ -75,13 +75,19 @@ def points_near_segments(points: Array, segments: Array, reach: float) -> Points
     return PointsNearSegments(*columns)
 
 
-def snapped(points: Array, near: float) -> Array:
-    """Points, of which those that are near each other have the place of the first of them."""
+def welded(points: Array, near: float) -> tuple[Array, Indices]:
+    """Points without those that are near to others, and numbers of those instead of all."""
     from scipy.spatial import cKDTree
 
     label = connected(cKDTree(points).query_pairs(near, output_type="ndarray"), len(points))
-    _, first = np.unique(label, return_index=True)
-    return points[first[label]]
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
+    return points[first], place
+
+
+def snapped(points: Array, near: float) -> Array:
+    """Points, of which those that are near each other have the place of the first of them."""
+    kept, place = welded(points, near)
+    return kept[place]
 
 
 def divided_segments(segments: Array, points: Array, near: float) -> tuple[Array, Indices]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -708,6 +708,33 @@ class Shared(_Own):
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
 
+    @classmethod
+    @checked
+    def from_file(
+        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+    ) -> Self:
+        """Read a scene file, and its mesh or blocks.
+
+        Args:
+            path: The TOML file; files that it names are found relative to it.
+            comm: By default, the communicator that PETSc was started with.
+            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
+
+        Raises:
+            InputError: On all ranks, if a file is missing or wrong.
+        """
+        comm = compat.default_comm() if comm is None else comm
+        return cls.of_tables(read_toml(Path(path), comm, overrides), Path(path).parent, comm)
+
+    @classmethod
+    def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> Self:
+        """A scene from the tables of a file in a folder, on all ranks.
+
+        Raises:
+            InputError: If a table, or a file that one names, is wrong.
+        """
+        raise NotImplementedError
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds that the scene is of, see `scene.rules.OF`."""
@@ -840,23 +867,8 @@ class Scene(Shared):
         return Units(self.output.units, self.thickness)
 
     @classmethod
-    @checked
-    def from_file(
-        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-    ) -> Scene:
-        """Read a scene file and its mesh.
-
-        Args:
-            path: The TOML file; its mesh is found relative to it.
-            comm: By default, the communicator that PETSc was started with.
-            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
-
-        Raises:
-            InputError: On all ranks, if the file or its mesh is missing or wrong.
-        """
-        comm = compat.default_comm() if comm is None else comm
-        folder = Path(path).parent
-        tables = read_toml(Path(path), comm, overrides)
+    def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> Scene:
+        """See `Shared`."""
         return cls.from_tables(
             tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
         )

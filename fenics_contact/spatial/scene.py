@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact import compat
 from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.errors import InputError, Vector, checked, raised_together, require
 from fenics_contact.geometry.mesh import Array
@@ -37,7 +36,7 @@ from fenics_contact.scene.scene import (
     Shared,
     Tables,
 )
-from fenics_contact.scene.toml_tables import as_mapping, from_table, read_toml
+from fenics_contact.scene.toml_tables import as_mapping, from_table
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.block_tables import ReadBlocks, blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
@@ -178,26 +177,12 @@ class BlockScene(Shared):
         return Units(self.output.units, 1.0 if self.dimension == 3 else self.thickness)
 
     @classmethod
-    @checked
-    def from_file(
-        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-    ) -> BlockScene:
-        """Read a scene file and the blocks that it names.
-
-        Args:
-            path: The TOML file; a file of blocks is found relative to it.
-            comm: By default, the communicator that PETSc was started with.
-            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
-
-        Raises:
-            InputError: On all ranks, if a file is missing or wrong.
-        """
-        comm = compat.default_comm() if comm is None else comm
-        tables = read_toml(Path(path), comm, overrides)
+    def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> BlockScene:
+        """See `Shared`."""
         scene = None
         with raised_together(comm):
             if comm.rank == 0:
-                scene = cls.from_tables(tables, Path(path).parent)
+                scene = cls.from_tables(tables, folder)
         return comm.bcast(scene)
 
     @classmethod

@@ -20,6 +20,11 @@ from fenics_contact.spatial.polyhedra import TINY, Block
 SHEAR = 0.4
 #: Motions of a block by dimension, of three displacements and three rotations: the plane is x-z.
 FREE = {2: [0, 2, 4], 3: [0, 1, 2, 3, 4, 5]}
+#: Their signs for people: rotations in the plane are counterclockwise.
+SENSE = {2: [1.0, 1.0, -1.0], 3: [1.0] * 6}
+#: Forces of a unit, by dimension, among those along the axes of its points, three of each; of bars.
+OF_POINTS = {2: [0, 3, 1], 3: [0, 1, 2]}
+OF_BARS = {2: [0, 0, 1], 3: [0, 1, 2]}
 
 
 @dataclass(frozen=True)
@@ -112,18 +117,15 @@ class Structure:
 
     def told_motions(self, mode: Array) -> Array:
         """Motions of blocks, shape (blocks, 6); in the plane (blocks, 3), counterclockwise."""
-        if self.dimension == 3:
-            return mode
-        return np.asarray(mode[:, FREE[2]] * [1.0, 1.0, -1.0] + 0.0)
+        return np.asarray(mode[:, FREE[self.dimension]] * SENSE[self.dimension] + 0.0)
 
     @cached_property
     def rows(self) -> Indices:
         """Which motions along axes of points and bars, three of each, are of units, (units, 3)."""
         every = np.arange(3 * len(self.axes)).reshape(-1, 3)
-        if self.dimension == 3:
-            return every
-        ends, bars = np.split(every, [2 * len(self.contacts)])
-        return np.vstack([ends.reshape(-1, 6)[:, [0, 3, 1]], bars[:, [0, 0, 1]]])
+        points, bars = np.split(every, [len(every) - len(self.bars)])
+        points = points.reshape(-1, 3 * self.pressing)
+        return np.vstack([points[:, OF_POINTS[self.dimension]], bars[:, OF_BARS[self.dimension]]])
 
     @cached_property
     def size(self) -> float:
@@ -274,17 +276,16 @@ class Structure:
 
         In the plane the ends of a face share its shear force by what they bear at most.
         """
-        whole = np.asarray((force + self.given_force)[: self.faces])
-        if self.dimension == 3:
-            return whole
-        friction, cohesion = (
-            self.of_points(name).reshape(-1, 2) for name in ("friction", "cohesion")
-        )
-        bound = friction * whole[:, :2] + cohesion * self.points.area.reshape(-1, 2)
-        share = np.maximum(bound, 1e-300)
-        share /= share.sum(axis=1)[:, None]
-        shear = (share * whole[:, 2:]).ravel()
-        return np.column_stack([whole[:, :2].ravel(), shear, np.zeros(len(shear))])
+        whole = (force + self.given_force)[: self.faces]
+        normal, shear = np.split(whole, [self.pressing], axis=1)
+        strength = (self.of_points("cohesion") * self.points.area).reshape(normal.shape)
+        bound = self.of_points("friction").reshape(normal.shape) * normal + strength
+        share = np.maximum(bound, TINY)
+        share /= share.sum(axis=1, keepdims=True)
+        shear = (share[:, :, None] * shear[:, None]).reshape(-1, 3 - self.pressing)
+        found = np.zeros((normal.size, 3))
+        found[:, : 1 + shear.shape[1]] = np.column_stack([normal.ravel(), shear])
+        return found
 
     def tensions(self, force: Array) -> Array:
         """Of the bars, N, shape (bars,), from the engine's forces."""

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.errors import require
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.geometry.outlines import welded
 from fenics_contact.geometry.planar_cells import SIZES, connected
 from fenics_contact.spatial.contacts import APART
 from fenics_contact.spatial.polyhedra import Block, PlaneSides, Polyhedron, edges_of, not_closed
@@ -123,7 +124,7 @@ def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Blo
     largest = np.abs(points).max()
     text = f"{where} is {width:g} m wide, {largest:g} m from the origin; give another unit"
     require(SIZES[0] <= width and largest <= SIZES[1], text)
-    points, place = _welded(points, WELD * width)
+    points, place = welded(points, WELD * width)
     loops: list[Loop] = []
     for numbers in np.split(place, np.cumsum([len(face) for face in surface.faces])[:-1]):
         loop = tuple(k for k, _ in groupby(numbers.tolist()))
@@ -196,16 +197,6 @@ def _pieces_of(points: Array, loops: list[Loop], where: str) -> list[Polyhedron]
     return _cut(points, loops, where, size)
 
 
-def _welded(points: Array, near: float) -> tuple[Array, Indices]:
-    """Points without those that are near to others, and numbers of those instead of all."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
-    label = connected(pairs, len(points))
-    _, first, place = np.unique(label, return_index=True, return_inverse=True)
-    return points[first], place
-
-
 def _hull(points: Array, size: float) -> Any:
     """Convex hull of points; None if it has no volume to speak of."""
     from scipy.spatial import ConvexHull, QhullError
@@ -263,7 +254,7 @@ def _cut(points: Array, loops: list[Loop], where: str, size: float) -> list[Poly
             height = above[np.argmax(cuts)]
             cells += [_part(corners, sign * height, flat) for sign in (1.0, -1.0)]
         elif hull.volume > 10.0 * flat * hull.area and _inside(corners.mean(axis=0), triangles):
-            pieces.append(Polyhedron.hull(_welded(corners, flat)[0]))
+            pieces.append(Polyhedron.hull(welded(corners, flat)[0]))
         text = "give it as several blocks, or simpler"
         many = f"{where} is not convex and has more than {MOST_PIECES} convex pieces; {text}"
         require(len(pieces) + len(cells) <= MOST_PIECES, many)
