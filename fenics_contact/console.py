@@ -20,7 +20,14 @@ from fenics_contact.results.values import soil_forces
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.scene import Shared
 from fenics_contact.scene.units import Units
-from fenics_contact.scene.words import floor_text, law_text, movement_text, tie_ends, tie_text
+from fenics_contact.scene.words import (
+    floor_text,
+    law_text,
+    material_text,
+    movement_text,
+    tie_ends,
+    tie_text,
+)
 
 #: Back to the start of a line of a terminal, and what is on it is gone.
 OVER = "\r\033[K"
@@ -380,6 +387,9 @@ def scene_lines(
     """
     tables = scene.tables()
     lines = [scene.title or "(no title)", *blocks]
+    gravity = math.hypot(*scene.dead.acceleration)
+    for name, material in tables["materials"].items():
+        lines.append(f"material {name}: {material_text(material, gravity, units)}")
     for key, law in scene.laws().items():
         kind, _, name = key.partition(".")
         where = f", {touching[key]}" if law.acts else ""

@@ -111,7 +111,7 @@ class Equilibrium(ServiceState, Pictured):
         Args:
             verbose: With verification, joints that open or slide, work and time.
         """
-        words = wording_of(self.layout)
+        words = wording_of(self.layout.scene, self.layout.bodies.live[:, :2].sum(axis=0))
         at = f"at {words.at(self.load_factor)}" if self.load_factor else DEAD
         lines = [state_in_words(self.status, at, self.reason, self.proved)]
         if self.joint_values is not None:

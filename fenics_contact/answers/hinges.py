@@ -105,7 +105,6 @@ class HingesAnswer(Asked):
     place = 6
     begins = "estimate of the error"
     option = "error by the mesh estimated"
-    by_default = "yes, within a limit of work"
     #: With other hinges other points tear; slip that is measured from the step before is no data.
     unless = ((Question.loses_strength, ""), (_by_load_steps, ""))
 
@@ -160,25 +159,16 @@ class HingesAnswer(Asked):
                 return []
             none = "the load factor does not depend on the length of hinges"
             return [Line("mesh:", none, verbose=True)]
-        mesh, physical, points = self._told()
+        factors = value.load_factor, value.physical, value.points
+        mesh, physical, points = (four_digits(factor, value.load_factor) for factor in factors)
         small = words.units.small
-        if end.load_factor == value.points:
-            here = f"with those of {small(value.length)} on this mesh it is {mesh}"
-            points = f"the load factor is that of hinges that are points; {here}"
-            return [Line("mesh:", points, verbose=True)]
         here = f"load factor {mesh}, hinges of {small(value.length)} as on this mesh"
         there = f"{physical} with {small(value.physical_length)}; {points} with points"
         found = [Line("mesh:", f"{here}; {there}", verbose=True)]
-        if not (end.range and end.range.limits):
+        if not (end.range and end.range.limits) and end.load_factor != value.points:
             number = words.beside(value.points, end.load_factor, end.sign)
             found.append(Line("mesh:", f"{number} with hinges that are points"))
         return found
-
-    def _told(self) -> list[str]:
-        """The three load factors, rounded alike."""
-        value = self.value
-        factors = value.load_factor, value.physical, value.points
-        return [four_digits(factor, value.load_factor) for factor in factors]
 
 
 @dataclass(frozen=True)

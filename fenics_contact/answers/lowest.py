@@ -59,7 +59,6 @@ class LowestAnswer(Asked):
     place = 4
     begins = "second opinion on the collapse"
     option = "lower collapse states looked for"
-    by_default = "yes"
     may_replace = True
     unless = (
         (Question.loses_strength, TEARS),

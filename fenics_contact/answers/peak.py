@@ -99,7 +99,6 @@ class PeakAnswer(Asked):
     place = 3
     begins = "peak of the loading path"
     option = "peak of the loading path looked for"
-    by_default = "yes, within a limit of work"
     of_curve = True
     unless = (
         (Question.by_faces, NO_PATH),

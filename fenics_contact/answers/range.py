@@ -27,7 +27,7 @@ from fenics_contact.collapse.rigid_blocks.model import BlockModel, LinearProgram
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.bounds import MEET, NOT_AT_THIS_SIZE, LimitBounds, four_digits
+from fenics_contact.results.bounds import MEET, NOT_AT_THIS_SIZE, LimitBounds
 from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.results.values import JointValues
 from fenics_contact.results.wording import Line, Wording
@@ -136,15 +136,16 @@ class RangeAnswer(Asked):
                 " as long as this mechanism stays"
             )
             return [Line("mesh:", none, verbose=True)]
-        told = f"{self._told(end)}, whatever the mesh and the stiffness of the blocks"
-        found = [Line("this mechanism:", told, verbose=True)]
-        if self.value.limits:
-            stays = " while this mechanism stays"
-            points = end.hinges.points if end.hinges else math.nan
-            if points < (self.value.lower or -math.inf) or points > (self.value.upper or math.inf):
-                stays += "; with shorter hinges another mechanism"
-            found.append(Line("mesh and stiffness:", self._ends(end, words), stays))
-        return found
+        if not self.value.limits:
+            text = (
+                "nothing limits its load factor, whatever the mesh and the stiffness of the blocks"
+            )
+            return [Line("this mechanism:", text, verbose=True)]
+        stays = " while this mechanism stays"
+        points = end.hinges.points if end.hinges else math.nan
+        if points < (self.value.lower or -math.inf) or points > (self.value.upper or math.inf):
+            stays += "; with shorter hinges another mechanism"
+        return [Line("mesh and stiffness:", self._ends(end, words), stays)]
 
     def _ends(self, end: Collapse, words: Wording) -> str:
         """Both ends along the load, as far as they are limited."""
@@ -158,14 +159,6 @@ class RangeAnswer(Asked):
         if least and most:
             return f"{least} to {most}"
         return f"at least {least}" if least else f"at most {most}"
-
-    def _told(self, end: Collapse) -> str:
-        """Both ends in words."""
-        ends = self.value.lower, self.value.upper
-        lower, upper = (four_digits(value, end.load_factor) for value in ends)
-        least = f"{lower} at least" if math.isfinite(ends[0] or 0.0) else "nothing limits it below"
-        most = f"{upper} at most" if math.isfinite(ends[1] or 0.0) else "nothing limits it above"
-        return f"{least}, {most}"
 
 
 def mechanism_range(blocks: BlockModel, values: JointValues) -> tuple[float, float]:

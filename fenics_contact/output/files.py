@@ -492,7 +492,7 @@ def record_of(
         **{kind.key: first.get(kind.key) for kind in kinds},
         "ways": {name: words.way(name) for name in result.ends},
         "acceleration": words.acceleration,
-        "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
+        "words": {kind.seconds: [kind.option, kind.begins] for kind in timed},
         "reason": result.reason() or None,
         "stopped": result.stopped or None,
         "capacity": vars(result.curve_end) if result.curve_end else None,

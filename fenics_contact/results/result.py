@@ -103,9 +103,8 @@ class Answer(ABC):
     begins: ClassVar[str] = ""
     #: Key of the time that it takes, and of the option that asks for it.
     seconds: ClassVar[str] = ""
-    #: What that option is, and what it means to leave it out, in words.
+    #: What that option is, in words.
     option: ClassVar[str] = ""
-    by_default: ClassVar[str] = ""
     #: Whether results hold and write the values of limits by direction.
     by_direction: ClassVar[bool] = False
     #: Whether it has changed the blocks that the bracket is of.
@@ -631,7 +630,8 @@ class Result(ByDirection):
     @property
     def wording(self) -> Wording:
         """How its load factors are told."""
-        return wording_of(self.layout, both=len(self.ends) > 1)
+        resultant = self.layout.bodies.live[:, :2].sum(axis=0)
+        return wording_of(self.scene, resultant, both=len(self.ends) > 1)
 
     @property
     def falling(self) -> Indices:

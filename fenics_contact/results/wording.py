@@ -7,7 +7,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
-from fenics_contact.discretization.layout import Layout
+import numpy as np
+
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.scene.scene import GRAVITY
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
@@ -52,6 +54,7 @@ class Wording:
         forces: Whether it is forces at places alone: what is carried is told as a force, too.
         tilt: Horizontal body force of the live load, where it is that of a tilting table, whose
             angle is told then; else 0.
+        along: In space the live load's direction, where it has an acceleration.
         both: Whether both directions of the live load are told of.
         asked: Options of the solve that the scene sets.
     """
@@ -62,6 +65,7 @@ class Wording:
     noun: str = "live load"
     forces: bool = False
     tilt: float = 0.0
+    along: tuple[float, ...] = ()
     both: bool = False
     asked: Collection[str] = field(default_factory=frozenset)
 
@@ -112,6 +116,8 @@ class Wording:
         """Where the live load pushes."""
         negative = direction == "negative"
         pushes = self.tilt or self.acceleration
+        if pushes and self.along:
+            return _way_in_space(np.array(self.along) * (-1.0 if negative else 1.0))
         if pushes:
             side = "right" if (pushes > 0.0) != negative else "left"
             return f"{'down ' * bool(self.tilt)}to the {side}"
@@ -209,14 +215,36 @@ def meant(factor: float, gap: float, others: Iterable[float], size: float) -> in
     return 4 if max(gap * size, spread) <= SEARCH.higher * size else 3
 
 
-def wording_of(layout: Layout, both: bool = False) -> Wording:
+def wording_of(scene: Any, resultant: Sequence[float], both: bool = False) -> Wording:
     """How the load factors of a scene are told, with both directions of the live load or one."""
-    scene = layout.scene
     loads = {"dead": vars(scene.dead), "live": vars(scene.live)}
+    along: tuple[float, ...] = ()
+    if len(resultant) == 3:  # loads are those in the upright plane of the push
+        push = np.array(scene.live.body)
+        along = tuple((push / (np.linalg.norm(push) or 1.0)).tolist())
+
+        def in_plane(vector: Sequence[float]) -> tuple[float, float]:
+            level = sum(a * b for a, b in zip(vector, along, strict=False))
+            return level, vector[-1]
+
+        for name, load in loads.items():
+            traction = {key: in_plane(one) for key, one in load["traction"].items()}
+            loads[name] = {**load, "body": in_plane(load["body"]), "traction": traction}
     floors = {name: vars(floor) for name, floor in scene.floors.items()}
-    resultant = layout.bodies.live[:, :2].sum(axis=0)
     asked = {name for name, value in vars(scene.solve).items() if value is True}
-    return Wording.of(loads, floors, resultant, scene.units, both=both, asked=asked)
+    more = {"along": along, "both": both, "asked": asked}
+    return Wording.of(loads, floors, resultant, scene.units, **more)
+
+
+def _way_in_space(vector: Array) -> str:
+    """A direction in space by an axis, or by its angle."""
+    axis = int(np.argmax(np.abs(vector)))
+    if np.abs(vector).sum() - abs(vector[axis]) < LEVEL:
+        return f"along {'+' if vector[axis] > 0.0 else '-'}{'xyz'[axis]}"
+    if abs(vector[2]) < LEVEL:
+        degrees = math.degrees(math.acos(vector[0]))
+        return f"at {degrees:.3g} degrees from +x towards {'+' if vector[1] > 0.0 else '-'}y"
+    return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
 
 
 def sideways(

@@ -13,10 +13,9 @@ from fenics_contact.console import summary
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import ByDirection, Collapse
 from fenics_contact.results.values import NAMED
-from fenics_contact.results.wording import Line, Wording
+from fenics_contact.results.wording import Line, Wording, wording_of
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
-from fenics_contact.spatial.loads import lifted
 from fenics_contact.spatial.structure import Structure
 
 #: Collapse states that are as far apart as this are told as two, relative.
@@ -25,57 +24,6 @@ ANOTHER = 1e-2
 QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
 #: Tensions over the yield of ties below and above which these are slack and yield.
 SLACK, YIELDS = 1e-6, 0.999
-
-
-@dataclass(frozen=True)
-class SpatialWording(Wording):
-    """How load factors of a scene in space are told.
-
-    Attributes:
-        direction: Of the live load's acceleration.
-    """
-
-    direction: tuple[float, ...] = ()
-
-    def way(self, direction: str) -> str:
-        """Where the live load pushes."""
-        if self.acceleration is None:
-            return super().way(direction)
-        vector = np.array(self.direction) * (-1.0 if direction == "negative" else 1.0)
-        axis = int(np.argmax(np.abs(vector)))
-        if np.abs(vector).sum() - abs(vector[axis]) < 1e-6:
-            return f"along {'+' if vector[axis] > 0.0 else '-'}{'xyz'[axis]}"
-        if abs(vector[2]) < 1e-6:
-            degrees = math.degrees(math.acos(vector[0]))
-            return f"at {degrees:.3g} degrees from +x towards {'+' if vector[1] > 0.0 else '-'}y"
-        return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
-
-
-def wording_of(scene: Any, structure: Structure, both: bool) -> Wording:
-    """How the load factors of a scene are told; `scene` is None for a structure alone."""
-    resultant = structure.live[:, :3].sum(axis=0).tolist()
-    if scene is None:
-        return SpatialWording(Units("SI", 1.0), load=math.hypot(*resultant), both=both)
-    push = lifted(scene.live.acceleration)
-    along = push / (np.linalg.norm(push) or 1.0)
-    if structure.dimension == 2:
-        along = np.eye(3)[0]
-    loads = {}
-    for name in ("dead", "live"):  # in the upright plane of the push
-        load = getattr(scene, name)
-        body, *tractions = (
-            (float(vector @ along), float(vector[2]))
-            for vector in map(lifted, (load.acceleration, *load.traction.values()))
-        )
-        traction = dict(zip(load.traction, tractions, strict=True))
-        loads[name] = {**vars(load), "body": body, "traction": traction}
-    floors = {name: vars(floor) for name, floor in scene.floors.items()}
-    asked = {name for name, value in vars(scene.solve).items() if value is True}
-    more = {"both": both, "asked": asked}
-    if structure.dimension == 2:
-        return Wording.of(loads, floors, resultant, scene.units, **more)
-    more["direction"] = tuple(along.tolist())
-    return SpatialWording.of(loads, floors, resultant, scene.units, **more)
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +67,10 @@ class SpatialLimit(ByDirection):
     @property
     def wording(self) -> Wording:
         """How its load factors are told."""
-        return wording_of(self.scene, self.structure, both=len(self.ends) > 1)
+        resultant = self.structure.told(self.structure.live[:, :3].sum(axis=0)).tolist()
+        if self.scene is None:
+            return Wording(Units("SI", 1.0), load=math.hypot(*resultant), both=len(self.ends) > 1)
+        return wording_of(self.scene, resultant, both=len(self.ends) > 1)
 
     def summary(self, verbose: bool = False) -> str:
         """The answer in three to five lines; with all that is known of it, if that is wished."""

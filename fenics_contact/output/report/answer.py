@@ -15,7 +15,6 @@ from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import (
     PICTURES,
     STATUS,
-    STATUS_OF_ONE,
     bullets,
     direction_words,
     heading,
@@ -84,11 +83,11 @@ def first_page(content: Content) -> Iterator[str]:
     yield paragraph(*map(sentence, record["answer"]["found"]), kind=f"status {status}")
     # How much the answer is worth, where it is none, or differs between the directions.
     words = {name: direction_words(name).capitalize() for name in ends}
-    told = [f"{words[name]}: {STATUS_OF_ONE[end['status']]}" for name, end in ends.items()]
+    told = [f"{words[name]}: {STATUS[end['status']]}" for name, end in ends.items()]
     if len({end["status"] for end in ends.values()}) > 1:
         yield paragraph(*told)
     elif status != "limit":
-        yield paragraph(f"{status.replace('_', ' ').capitalize()}: {STATUS[status]}")
+        yield paragraph(sentence(STATUS[status]))
     how = list(_collapses(record))
     decides = [sentence(line) for line in record["answer"]["more"]] + [UNCRACKED]
     rows = list(_assumptions(record, content.units))

@@ -12,24 +12,15 @@ from typing import Any
 
 from fenics_contact.scene.units import Units
 
+#: How much an answer is worth, by its status.
 STATUS: Mapping[str, str] = {
-    "limit": "a collapse state was found, and all its conditions were checked (see the appendix).",
-    "unbounded": "nothing limits the live load.",
-    "unstable": "the dead load alone has no equilibrium. The motion of its blocks proves this.",
-    "no_equilibrium": "no equilibrium was found under the dead load alone. This is no proof that"
-    " there is none.",
-    "not_converged": "no verified state was found. The numbers below are not a limit load.",
-}
-
-#: The same for one of two directions of the live load that end differently.
-STATUS_OF_ONE: Mapping[str, str] = {
     "limit": "verified, see the appendix.",
     "unbounded": "nothing limits it.",
+    "unstable": "the dead load alone has no equilibrium. The motion of its blocks proves this.",
     "no_equilibrium": "no equilibrium was found, which is no proof that there is none.",
     "not_converged": "not converged, no verified state was found. Its numbers below are not a limit"
     " load.",
 }
-
 
 #: Name and meaning of every residual of the verification.
 RESIDUALS: Mapping[str, tuple[str, str]] = {
@@ -85,13 +76,6 @@ KEYS: dict[str, str] = {
     "accuracy": "accuracy wished",
     "time": "limit of time",
     "fast": "the load factor and its bracket alone",
-}
-
-#: What options mean that are left out.
-LEFT_OUT: dict[str, str] = {
-    "accuracy": "none",
-    "time": "none",
-    "gap": "1e-3, from 1 000 blocks on 5e-3",
 }
 
 MEANING: Mapping[str, str] = {

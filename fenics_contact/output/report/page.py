@@ -19,6 +19,7 @@ from fenics_contact.output.report.answer import (
     first_page,
     gravity_of,
     how_it_fails,
+    sentence,
     way_of,
 )
 from fenics_contact.output.report.content import (
@@ -33,7 +34,6 @@ from fenics_contact.output.report.content import (
 )
 from fenics_contact.output.report.html import (
     KEYS,
-    LEFT_OUT,
     MEANING,
     NOTES,
     PHASES,
@@ -301,14 +301,16 @@ def load_factors(content: Content) -> Iterator[str]:
 
 def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> str:
     """What one end of the range of load factors is, how it was found, or why not."""
-    parts = [paragraph(STATUS[end["status"]])] if end["status"] != record["status"] else []
+    parts = (
+        [paragraph(sentence(STATUS[end["status"]]))] if end["status"] != record["status"] else []
+    )
     if end["reason"]:
         reason = f"{end['reason']}."
         if end["status"] == "not_converged" and end["attempts"]:
             reason = f"{reason.partition('; ')[0]}. The appendix has what was tried."
         parts.append(paragraph(f"Reason: {reason}"))
     if end["proof"]:
-        parts.append(paragraph(f"{end['proof'][0].upper()}{end['proof'][1:]}."))
+        parts.append(paragraph(sentence(end["proof"])))
     return "".join(parts) + table(row for row in rows if row[1] != "0")
 
 
@@ -324,7 +326,7 @@ def forces(content: Content) -> Iterator[str]:
     if found or content.missing:
         yield heading("Forces and stresses")
     if content.missing:
-        yield paragraph(f"{content.missing[0].upper()}{content.missing[1:]}.")
+        yield paragraph(sentence(content.missing))
     if many and "forces" in content.pictures:
         yield paragraph(
             f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"
@@ -454,18 +456,13 @@ def computation(content: Content) -> Iterator[str]:
     iterations = record["iterations"]
     yield heading("Appendix: how it was computed")
     words = record["words"]
-    keys = KEYS | {name: option for name, (option, _, _) in words.items() if option}
-    left_out = LEFT_OUT | {name: default for name, (_, default, _) in words.items() if default}
-    phases = PHASES | {name: begins for name, (_, _, begins) in words.items() if begins}
-    options = scene["solve"]
-    rows: list[tuple[object, ...]] = []
-    for key, value in options.items():
-        told = value_text(value)
-        if value is None and key in left_out:
-            hurried = options.get("fast") and left_out[key] != "none"
-            told = "no" if hurried else left_out[key]
-        if told != "-":
-            rows.append((GAP if key == "gap" else keys.get(key, key), told))
+    keys = KEYS | {name: option for name, (option, _) in words.items() if option} | {"gap": GAP}
+    phases = PHASES | {name: begins for name, (_, begins) in words.items() if begins}
+    rows: list[tuple[object, ...]] = [
+        (keys.get(key, key), value_text(value))
+        for key, value in scene["solve"].items()
+        if value is not None
+    ]
     if record["method"]:
         rows += [("method of the state reported", value_text(record["method"]))]
         rows += [("degree of the displacements", scene["degree"])]
