@@ -20,6 +20,8 @@ from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.standing import held_against
 from fenics_contact.spatial.structure import Structure
 
+#: The curve ends with so many times the work from which the path is as high as its end.
+ONSET = 1.2
 NOT_VERIFIED = "the highest state of the path does not pass its verification"
 
 
@@ -38,10 +40,10 @@ def peak_of(structure: Structure, path: Followed, sign: float) -> Peak:
 def curve_of(
     structure: Structure, path: Followed, sign: float, count: int
 ) -> tuple[CapacityPoint, ...]:
-    """States at rising works until twice that from which the path is as high as its end.
+    """States at rising works up to the collapse, where the path is as high as its end.
 
-    Points are denser at first, where the path bends. Those that were not found, or are not
-    verified, have nan.
+    What blocks carry as they move on is told by `motion.beyond`. Points are denser at first, where
+    the path bends. Those that were not found, or are not verified, have nan.
     """
     last = _plateau(path) if count else 0.0
     points = []
@@ -60,7 +62,7 @@ def curve_of(
 
 
 def _plateau(path: Followed) -> float:
-    """Twice the work from which the path is nearly as high as at its end."""
+    """The work from which the path is nearly as high as at its end, and a little more."""
     end = path.iterate.load_factor
 
     def is_away(load_factor: float) -> bool:
@@ -72,14 +74,14 @@ def _plateau(path: Followed) -> float:
     low, high = max(works[: flat + 1][:-1], default=0.0), max(works[: flat + 1])
     low = max(low, SEARCH.small_factor * high)
     with np.errstate(all="ignore"):
-        while high > 2.0 * low:  # steps of the path are long there
+        while high > ONSET * low:  # steps of the path are long there
             middle = float(np.sqrt(low * high))
             try:
                 far = is_away(path.state(middle).load_factor)
             except SolverError:
                 break
             low, high = (middle, high) if far else (low, middle)
-    return min(2.0 * high, works[-1])
+    return min(ONSET * high, works[-1])
 
 
 def _moved(structure: Structure, state: FaceIterate) -> tuple[float, float]:
