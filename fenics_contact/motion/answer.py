@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.answers.seismic import SeismicCheck
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
 from fenics_contact.motion.files import draw_beyond, with_way, write_poses, write_table
@@ -23,6 +24,8 @@ from fenics_contact.spatial.structure import Structure
 
 #: Title of its table.
 TITLE = "After the peak"
+#: Motions off a plane above this part of all are told.
+TWISTS = 0.1
 
 
 class BeyondAnswer(Answer):
@@ -114,6 +117,11 @@ def check_along(
         moment = float(np.vdot(structure.live, mode)) * found.sign / push
         ratio = moment / (start.participating_mass * way.control.velocity(mode))
     lost = math.inf if options.lost is None else options.lost
+    remarks = []
+    if way.zero is None:
+        remarks.append("d_0 is the end of the path, where something is left")
+    if twists(np.asarray(found.mode), structure.size):
+        remarks.append("the code is calibrated for motions parallel to one plane, this one twists")
     return nonlinear_check(
         np.abs(here) * ratio,
         np.abs(factor) * push / (start.mass_fraction * options.confidence_factor),
@@ -121,5 +129,16 @@ def check_along(
         gravity=gravity,
         limit_state=options.limit_state,
         lost=lost * ratio,
-        whole=way.zero is not None,
+        free=options.period,
+        remarks=remarks,
     )
+
+
+def twists(mode: Array, size: float) -> bool:
+    """Whether the motions of blocks are not parallel to one plane.
+
+    With its normal u they would have v . u = 0 and w x u = 0.
+    """
+    shift, turn = mode[:, :3], size * mode[:, 3:]
+    apart = shift.T @ shift + np.sum(turn**2) * np.eye(3) - turn.T @ turn
+    return bool(np.linalg.eigvalsh(apart)[0] > TWISTS**2 * np.trace(apart))

@@ -13,7 +13,9 @@ is left, d_SLV = 0.4 d_0 and d_SLC = 0.6 d_0, and the periods
 
 the mechanism stands the ground acceleration a_g for which the elastic spectrum of displacements,
 S_De = S_e T^2 / (4 pi^2) (NTC 2018, 3.2.3.2), has that displacement at that period, with a damping
-of 8 % (SLV) and 10 % (SLC). This is the check of a mechanism that stands on the ground.
+of 8 % (SLV) and 10 % (SLC). It starts to move, SLD, at a_0 = S_e(0) [C8.7.1.8]. An element that
+vibrates freely first has the branch a = (2 pi / T_0)^2 d up to a_y [C8.7.1.6], and starts to rock
+at a_y = S_e(T_0, 5 %) [C8.7.1.9]. This is the check of a mechanism that stands on the ground.
 """
 
 from __future__ import annotations
@@ -74,12 +76,12 @@ class Spectrum:
             return plateau * (period / first + rest)
         return plateau * min(1.0, second / period, second * third / period**2)
 
-    def carried(self, displacement: float, period: float, damping: float, gravity: float) -> float:
-        """Ground acceleration, m/s2, whose spectrum has a displacement, m, at a period."""
+    def carried(self, value: float, period: float, damping: float, gravity: float) -> float:
+        """Ground acceleration, m/s2, whose spectrum has a value, m/s2, at a period, s."""
         ground = gravity
         for _ in range(ITERATIONS):
             at = self.acceleration(period, damping, ground, gravity)
-            ground *= displacement * (2.0 * math.pi / period) ** 2 / at
+            ground *= value / at
         return ground
 
 
@@ -88,22 +90,20 @@ class NonlinearCheck:
     """The check of one limit state.
 
     Attributes:
-        limit_state: "SLV" or "SLC".
+        limit_state: "SLD", "SLV" or "SLC".
         curve: d, m, and a, m/s2, of the oscillator.
-        zero: d_0, m.
-        displacement: d_SLV or d_SLC, m.
+        displacement: d_SLV or d_SLC, m; for SLD that at which rocking starts.
         acceleration: a there, m/s2.
         period: T, s.
         ground: a_g that it stands, m/s2.
         start: a_g at which it starts, m/s2; `ground` is not below it.
         demand: a_g of the place, m/s2.
         gravity: m/s2.
-        whole: Whether the path comes to the place where nothing is left; else d_0 is its end.
+        remarks: What limits the check, in words.
     """
 
     limit_state: str
     curve: tuple[Array, Array]
-    zero: float
     displacement: float
     acceleration: float
     period: float
@@ -111,23 +111,26 @@ class NonlinearCheck:
     start: float
     demand: float
     gravity: float
-    whole: bool
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def zero(self) -> float:
+        """d_0, m."""
+        return float(self.curve[0][-1])
 
     @property
     def verdict(self) -> str:
-        """Whether it stands what is asked for."""
-        return "enough" if self.ground >= self.demand else "NOT enough"
+        """What it stands, and whether that is enough, in words."""
+        enough = "enough" if self.ground >= self.demand else "NOT enough"
+        stands, asked = (f"{value / self.gravity:.4g} g" for value in (self.ground, self.demand))
+        return f"{stands} on the ground ({asked} asked for: {enough})"
 
     @property
     def text(self) -> str:
         """What people are told."""
-        g = self.gravity
-        cut = "" if self.whole else "; d_0 is the end of the path, where something is left"
-        return (
-            f"d_{self.limit_state} {self.displacement:.4g} m, T"
-            f" {self.period:.4g} s: it stands a_g = {self.ground / g:.4g} g on the ground"
-            f" ({self.demand / g:.4g} g asked for: {self.verdict}){cut}"
-        )
+        at = f"d_{self.limit_state} {self.displacement:.4g} m, T {self.period:.4g} s: "
+        stands = f"{at * (self.limit_state != 'SLD')}it stands a_g = {self.verdict}"
+        return "; ".join([stands, *self.remarks])
 
     def record(self) -> dict[str, Any]:
         """For result.json; accelerations in m/s2."""
@@ -142,24 +145,25 @@ class NonlinearCheck:
             "a_g": self.ground,
             "a_g_start": self.start,
             "demand": self.demand,
-            "verdict": self.verdict,
+            "verdict": "enough" if self.ground >= self.demand else "NOT enough",
+            "remarks": self.remarks,
         }
 
     def table(self) -> list[tuple[str, str]]:
         """Names and values, in the order in which they follow from each other."""
         state = self.limit_state
-        g = self.gravity
-        part, factor, damping = LIMIT_STATES[state]
-        return [
-            ("displacement at which nothing is left, d_0", f"{self.zero:.4g} m"),
-            (f"d_{state} = {part} d_0 [C8.7.1.2.1.6]", f"{self.displacement:.4g} m"),
-            (f"spectral acceleration there, a(d_{state})", f"{self.acceleration:.4g} m/s2"),
-            (f"period T_{state} = {factor} pi sqrt(d / a)", f"{self.period:.4g} s"),
-            ("damping", f"{damping:g} %"),
-            ("ground acceleration at which it starts", f"{self.start / g:.4g} g"),
-            ("ground acceleration that it stands, a_g", f"{self.ground / g:.4g} g"),
-            ("asked for", f"{self.demand / g:.4g} g: {self.verdict}"),
-        ]
+        starts = f"{self.start / self.gravity:.4g} g"
+        rows = [("displacement at which nothing is left, d_0", f"{self.zero:.4g} m")]
+        if state in LIMIT_STATES:
+            part, factor, damping = LIMIT_STATES[state]
+            rows += [
+                (f"d_{state} = {part} d_0 [C8.7.1.2.1.6]", f"{self.displacement:.4g} m"),
+                (f"spectral acceleration there, a(d_{state})", f"{self.acceleration:.4g} m/s2"),
+                (f"period T_{state} = {factor} pi sqrt(d / a)", f"{self.period:.4g} s"),
+                ("damping", f"{damping:g} %"),
+            ]
+        rows.append(("ground acceleration at which it starts, a_g,SLD", starts))
+        return [*rows, (f"ground acceleration that it stands, a_g,{state}", self.verdict)]
 
 
 def nonlinear_check(
@@ -170,36 +174,50 @@ def nonlinear_check(
     gravity: float,
     limit_state: str = "SLV",
     lost: float = math.inf,
-    whole: bool = True,
+    free: float | None = None,
+    remarks: Sequence[str] = (),
 ) -> NonlinearCheck:
     """The check of an oscillator.
 
     Args:
-        shift: d at rising displacements, m.
+        shift: d at rising displacements, m, up to d_0.
         acceleration: a, m/s2.
         spectrum: On the ground.
         gravity: m/s2.
-        limit_state: A key of `LIMIT_STATES`.
+        limit_state: "SLD", or a key of `LIMIT_STATES`.
         lost: d at which supports are lost, m.
-        whole: Whether the curve ends where nothing is left.
+        free: T_0 of an element that vibrates freely, s; None: it rocks from the start.
+        remarks: What limits the check, in words.
     """
-    zero = float(shift[-1])
-    part, factor, damping = LIMIT_STATES[limit_state]
-    at = min(part * zero, lost)
-    there = float(np.interp(at, shift, acceleration))
-    period = factor * math.pi * math.sqrt(at / there)
-    start = float(acceleration[0]) / spectrum.acceleration(0.0, USUAL, 1.0, gravity)
-    stands = spectrum.carried(at, period, damping, gravity)
-    return NonlinearCheck(
-        limit_state,
-        (shift, acceleration),
-        zero,
-        at,
-        there,
-        period,
-        max(stands, start),
-        start,
-        spectrum.ground,
-        gravity,
-        whole,
+    shift, acceleration, first = _with_elastic(shift, acceleration, free)
+    at, there, period = float(shift[first]), float(acceleration[first]), free or 0.0
+    start = stands = spectrum.carried(there, period, USUAL, gravity)
+    if limit_state in LIMIT_STATES:
+        part, factor, damping = LIMIT_STATES[limit_state]
+        at = min(part * float(shift[-1]), lost)
+        there = float(np.interp(at, shift, acceleration))
+        period = factor * math.pi * math.sqrt(at / there)
+        asked = at * (2.0 * math.pi / period) ** 2
+        stands = max(start, spectrum.carried(asked, period, damping, gravity))
+    curve = shift, acceleration
+    known = at, there, period, stands, start, spectrum.ground
+    return NonlinearCheck(limit_state, curve, *known, gravity, tuple(remarks))
+
+
+def _with_elastic(
+    shift: Array, acceleration: Array, period: float | None
+) -> tuple[Array, Array, int]:
+    """A curve with the elastic branch of a free element, and the number of the point behind it."""
+    if not period:
+        return shift, acceleration, 0
+    stiffness = (2.0 * math.pi / period) ** 2
+    left = acceleration - stiffness * shift
+    behind = int(np.argmax(left <= 0.0))
+    before = behind - 1
+    part = left[before] / (left[before] - left[behind])
+    yields = shift[before] + part * (shift[behind] - shift[before])
+    return (
+        np.concatenate([[0.0, yields], shift[behind:]]),
+        np.concatenate([[0.0, stiffness * yields], acceleration[behind:]]),
+        1,
     )

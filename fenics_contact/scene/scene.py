@@ -657,7 +657,8 @@ class Seismic(Checked):
         nonlinear: Make the check by displacements, too, along `solve.beyond`.
         spectrum: On the ground: a_g over g, S, F0 and TC, s; or periods, s, and accelerations,
             m/s2, with 5 % damping, from T = 0 on.
-        limit_state: "SLV" or "SLC", of that check.
+        limit_state: "SLD", "SLV" or "SLC", of that check.
+        period: T_0 of an element that vibrates freely before it rocks, s; None: it does not.
         lost: Displacement of the control point at which supports are lost, m.
     """
 
@@ -665,7 +666,8 @@ class Seismic(Checked):
     demand: float | None = ruled(POSITIVE, None)
     nonlinear: bool = only("blocks", False)
     spectrum: Mapping[str, float] | tuple[tuple[float, float], ...] | None = only("blocks")
-    limit_state: str = one_of("SLV", "SLC", of="blocks")
+    limit_state: str = one_of("SLV", "SLC", "SLD", of="blocks")
+    period: float | None = ruled(POSITIVE, None, of="blocks")
     lost: float | None = ruled(POSITIVE, None, of="blocks")
 
     def __post_init__(self) -> None:
