@@ -83,7 +83,7 @@ def test_what_is_told_of_a_limit(path):
     assert lines[0] == "it collapses at 0.5000 g along +x, 0.5000 g along -x (verified)"
     assert lines[1].startswith("nothing carries more than 0.500")
     assert "a0* of 3.633 m/s2 = 0.3704 g" in lines[2]  # one part: e* = 1, a0* = alpha0 g / FC
-    assert "with its friction forces nothing carries more" in result.summary(verbose=True)
+    assert "with its friction forces that is the limit load" in result.summary(verbose=True)
 
 
 def test_quick_says_what_it_leaves_out(path):

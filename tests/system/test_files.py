@@ -576,8 +576,10 @@ def test_the_console_says_what_faces_prove(tmp_path, capsys):
     assert len(proofs) == 2
     assert "an equilibrium inside the friction cone and the compressive strengths" in proofs[0]
     for line in proofs:
-        here, end = (float(line.split(word)[1].split(":")[0]) for word in ("collapses at", "than"))
-        assert abs(here) == pytest.approx(CRUSHED, rel=1e-3) and abs(end) >= abs(here)
+        here = float(line.split("collapses at")[1].split(":")[0])
+        assert abs(here) == pytest.approx(CRUSHED, rel=1e-3)
+        _, more, end = line.partition("nothing carries more than")
+        assert abs(float(end)) >= abs(here) if more else line.endswith("that is the limit load")
     for once in ("rigid blocks with elastic faces", "warning: capacity curve: no loading path"):
         assert sum(once in line for line in lines) == 1
     assert not any(line.startswith(("peak:", "mesh:")) for line in lines)
