@@ -339,12 +339,11 @@ def description(layout: Layout, verbose: bool = False) -> str:
         f" {f'{cells} cells, {layout.size} displacements, ' * verbose}"
         f"area {layout.bodies_area():.6g} m2"
     )
-    joints = layout.joints.without_ties()
     touching = {}
-    for number, key in enumerate(scene.laws()):
-        mine = joints.law == number
-        points = f"{int(mine.sum())} points, " * verbose
-        touching[key] = f"{points}length {units.length(joints.length[mine].sum())}"
+    for one in law_contacts(layout):
+        points = f"{one['points']} points, " * verbose
+        key = f"{one['kind']}s.{one['group']}"
+        touching[key] = f"{points}length {units.length(one['length'])}"
     strips = floor_strips(scene, boundary).items()
     lies = {name: f"on {units.length(one.length(boundary).sum())}" for name, one in strips}
     more = []
@@ -363,6 +362,19 @@ def description(layout: Layout, verbose: bool = False) -> str:
     resultants = {name: force[:, :2].sum(axis=0) for name, force in loads.items()}
     lines = scene_lines(scene, units, [blocks], touching, lies, more, resultants)
     return "\n".join([*lines, *(f"skipped: {item}" for item in skipped(scene) if verbose)])
+
+
+def law_contacts(layout: Layout) -> list[dict[str, Any]]:
+    """Where the laws of a scene with a mesh act: group, kind, number of points, and length, m."""
+    joints = layout.joints.without_ties()
+    found = []
+    for number, key in enumerate(layout.scene.laws()):
+        kind, _, name = key.partition("s.")
+        mine = joints.law == number
+        length = float(joints.length[mine].sum())
+        row = {"group": name, "kind": kind, "points": int(mine.sum()), "length": length}
+        found.append(row)
+    return found
 
 
 def scene_lines(

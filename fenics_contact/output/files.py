@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.console import answer
-from fenics_contact.discretization.joints import GROUND
+from fenics_contact.console import answer, law_contacts
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, plain
 from fenics_contact.geometry.mesh import Array, Indices
@@ -55,7 +54,6 @@ from fenics_contact.results.values import (
     tie_arrays,
 )
 from fenics_contact.results.words import mechanism_record
-from fenics_contact.scene.rules import is_of
 from fenics_contact.scene.scene import ALL, Scene, function_name
 from fenics_contact.scene.units import rounded_alike
 from fenics_contact.version import __version__
@@ -639,51 +637,24 @@ def strict(value: Any) -> Any:
     return value
 
 
-def _own_keys(options: Any, scene: Scene) -> dict[str, Any]:
-    """Options with the keys that scenes with a mesh take."""
-    own = {item.name for item in fields(options) if is_of(item, scene.kinds)}
-    return {name: value for name, value in asdict(options).items() if name in own}
-
-
 def scene_record(layout: Layout) -> dict[str, Any]:
     """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
     scene = layout.scene
     bodies = layout.bodies
     width, height = np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).tolist()
-    tables = {
-        name: {key: asdict(value) for key, value in getattr(scene, name).items()}
-        for name in ("materials", "joints", "foundations")
-    }
     given = scene.tables()
-    loads = {"dead": scene.dead, "live": scene.live}
-    forces = {name: getattr(bodies, name)[:, :2].sum(axis=0) for name in loads}
-    joints = layout.joints.without_ties()
-    contacts = []  # where the joint laws act
-    for number, name in enumerate(joints.names):
-        mine = joints.law == number
-        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
-        length = float(joints.length[mine].sum())
-        row = {"group": name, "kind": kind, "points": int(mine.sum()), "length": length}
-        contacts.append(row)
+    for load in given["loads"].values():
+        if "form" in load:
+            load["form"] = function_name(load["form"])
+    forces = {name: getattr(bodies, name)[:, :2].sum(axis=0) for name in ("dead", "live")}
     return {
+        **given,
         "plane": scene.plane,
         "thickness": scene.thickness,
         "degree": scene.degree,
         "size": {"width": width, "height": height, "area": layout.bodies_area()},
         "stress": function_name(scene.stress) or None,
-        **tables,
-        "supports": dict(scene.supports),
-        "loads": {
-            name: asdict(replace(load, form=None)) | {"form": function_name(load.form) or None}
-            for name, load in loads.items()
-        },
         "resultants": {name: (force + 0.0).tolist() for name, force in forces.items()},
-        "ties": given["ties"],
-        "floors": given["floors"],
-        "soil": given["soil"],
-        "seismic": scene.seismic and _own_keys(scene.seismic, scene),
-        "contacts": contacts,
-        "solve": _own_keys(scene.solve, scene),
-        "output": _own_keys(scene.output, scene),
+        "contacts": law_contacts(layout),
         "units": dict(UNITS),
     }

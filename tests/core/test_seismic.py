@@ -161,7 +161,7 @@ def test_files_and_texts_have_the_check():
     found = result.seismic["positive"]
     kept = {name: value for name, value in vars(found).items() if name != "nonlinear"}
     assert record["seismic"] == {"positive": kept}
-    assert record["scene"]["seismic"] == {"confidence_factor": 1.35, "demand": None}
+    assert record["scene"]["seismic"] == {"confidence_factor": 1.35}
     line = "a0* comes of alpha0 = 0.25, e* = 1, FC = 1.35, M* = "
     mass = "2000 kg per metre of thickness"
     rest = f" of {mass} that move in 1 rigid part"

@@ -336,7 +336,7 @@ def test_seismic_check_has_its_table(folder, capsys):
     page, record = solved(folder, capsys, changes, "wall")
     assert page.text.count("Seismic check of this mechanism") == 2
     check = record["seismic"]["negative"]
-    assert record["scene"]["seismic"] == {"confidence_factor": 1.2, "demand": None}
+    assert record["scene"]["seismic"] == {"confidence_factor": 1.2}
     assert page.row("confidence factor FC") == ["1.2"]
     assert float(page.row("participating fraction e*")[0]) == pytest.approx(check["mass_fraction"])
     assert check["acceleration_g"] == pytest.approx(0.3 / 1.2, rel=1e-5)  # it slides as a whole

@@ -49,21 +49,6 @@ RESIDUALS: Mapping[str, tuple[str, str]] = {
 }
 
 KEYS: dict[str, str] = {
-    "materials": "Materials",
-    "joints": "Laws of the joints between blocks",
-    "foundations": "Laws on rigid ground",
-    "supports": "Supports",
-    "ties": "Ties",
-    "yield": "tension at which it yields",
-    "ground": "to the ground at",
-    "young": "Young's modulus",
-    "poisson": "Poisson's ratio",
-    "friction": "coefficient of friction",
-    "bound": "shear strength",
-    "tensile_strength": "tensile strength",
-    "compressive_strength": "compressive strength",
-    "opened": "cohesion and tensile strength of joints that have opened",
-    "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
     "profile": "factor on the body force over the height above the foot, (m, factor)",
     "method": "method asked for",

@@ -63,9 +63,8 @@ _log = logging.getLogger("fenics_contact")
 #: The page.
 PAGE = "report.html"
 #: Values that are not shown where they are not used: these keys with these values.
-UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened", "profile"}
-UNUSED |= {"gap", "prestress", "glued", "off", "surcharge", "wall_friction"}
-NOTHING = (0.0, [0.0, 0.0], "kept", "uniform")
+UNUSED = {"body", "tilt", "profile", "surcharge", "wall_friction"}
+NOTHING = (0.0, [0.0, 0.0], "uniform")
 #: What `solve.gap` is; joints have gaps, too.
 GAP = "gap asked for, relative"
 #: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
@@ -222,7 +221,7 @@ def structure(content: Content) -> Iterator[str]:
     )
     stones = scene["materials"].items()
     rows = [(name, material_text(one, gravity_of(scene), units)) for name, one in stones]
-    yield table(rows, title=KEYS["materials"])
+    yield table(rows, title="Materials")
     groups = [
         (one["group"], one["blocks"], f"{one['volume']:.4g}") for one in scene.get("groups", ())
     ]
@@ -236,10 +235,10 @@ def structure(content: Content) -> Iterator[str]:
             laws.append((f"{kind} {name}", law_text(law, units), count, many))
     where = ("joint points", "length") if "area" in size else ("contacts", "area")
     yield table(laws, ("", "law", *where), "Where the blocks touch")
-    yield table(scene.get("supports", {}).items(), ("group", "kind"), KEYS["supports"])
+    yield table(scene.get("supports", {}).items(), ("group", "kind"), "Supports")
     ties = scene["ties"].items()
     held_by = [(name, tie_ends(one, units), tie_text(one, units)) for name, one in ties]
-    yield table(held_by, ("tie", "where", "what it carries"), KEYS["ties"])
+    yield table(held_by, ("tie", "where", "what it carries"), "Ties")
 
 
 def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:
