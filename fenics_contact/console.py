@@ -340,10 +340,10 @@ def description(layout: Layout, verbose: bool = False) -> str:
         f"area {layout.bodies_area():.6g} m2"
     )
     touching = {}
-    for one in law_contacts(layout):
-        points = f"{one['points']} points, " * verbose
-        key = f"{one['kind']}s.{one['group']}"
-        touching[key] = f"{points}length {units.length(one['length'])}"
+    for row in law_contacts(layout):
+        points = f"{row['points']} points, " * verbose
+        key = f"{row['kind']}s.{row['group']}"
+        touching[key] = f"{points}length {units.length(row['length'])}"
     strips = floor_strips(scene, boundary).items()
     lies = {name: f"on {units.length(one.length(boundary).sum())}" for name, one in strips}
     more = []

@@ -109,11 +109,6 @@ class Content:
         thickness = 1.0 if self.record.get("dimension") == 3 else scene.get("thickness")
         return Units("mm" if wished == "mm" else "m", thickness)
 
-    def details(self, direction: str) -> Record:
-        """Where result.json has the verification of one end."""
-        details: Record = self.record["directions"].get(direction, {})
-        return details
-
     def picture_of(self, stem: str, direction: str) -> str:
         """Data URI of a picture of one end; empty if there is none."""
         apart = len(self.record["directions"]) == 2 and direction == "negative"

@@ -279,7 +279,7 @@ def load_factors(content: Content) -> Iterator[str]:
         told.setdefault("Load factor", {})[direction] = _load_factor(record, end, first["rows"])
         forces = [
             (tie["name"], units.force(tie["force"], 4), units.force(tie["yield"], 4), tie["state"])
-            for tie in content.details(direction).get("ties", [])
+            for tie in end["ties"]
         ]
         if forces:
             head = ("tie", per, "yields at", "state")
@@ -335,7 +335,8 @@ def forces(content: Content) -> Iterator[str]:
         per_metre = stem.startswith("forces") and not content.units.thickness
         more = " Forces are per metre of thickness." * per_metre
         direction = "negative" if stem.endswith("_negative") else "positive"
-        if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
+        end = content.record["directions"].get(direction, {})
+        if end.get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
         yield picture(address, PICTURES[stem] + more)
     yield from capacity(content)
@@ -428,14 +429,13 @@ def verification(content: Content) -> Iterator[str]:
         " or power of the structure."
     )
     shown = False
-    for direction in content.record["directions"]:
-        details = content.details(direction)
-        if not details.get("residuals"):
+    for direction, end in content.record["directions"].items():
+        if not end["residuals"]:
             continue
         shown = True
-        allowed = details["tolerances"]
+        allowed = end["tolerances"]
         rows = []
-        for name, value in details["residuals"].items():
+        for name, value in end["residuals"].items():
             good = value is not None and value <= allowed[name]
             # One below zero has room left.
             amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
