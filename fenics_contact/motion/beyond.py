@@ -67,9 +67,12 @@ class ControlPoint:
         Raises:
             SolverError: If no block moves.
         """
-        along = _direction(bodies)
-        if place is None and bodies.driven is not None:
-            return cls(int(np.abs(bodies.driven[:, :3]).max(axis=1).argmax()), np.zeros(3), along)
+        along = _direction(bodies.live.force)
+        if bodies.driven is not None:
+            fastest = int(np.linalg.norm(bodies.driven[:, :3], axis=1).argmax())
+            along = _direction(bodies.driven[[fastest], :3])
+            if place is None:
+                return cls(fastest, np.zeros(3), along)
         arms = bodies.sides.corners.reshape(-1, 3)
         block = np.repeat(bodies.sides.owner, len(arms) // len(bodies.sides.owner))
         corners = bodies.start.centroid[block] + arms
@@ -319,15 +322,11 @@ def _forces_of(structure: Structure, collapse: Any, scenery: Scenery) -> Array:
     return scenery.carried(structure.points.position, first, second, vectors, tension)
 
 
-def _direction(bodies: MovingBlocks) -> Array:
-    """Unit vector of what drives: of the live load's resultant, x where it has none."""
-    force = bodies.live.force
-    total = force.sum(axis=0)
-    least = RESULTANT * float(np.linalg.norm(force, axis=1).sum())
-    if bodies.driven is not None:
-        least = 0.0
-        total = bodies.driven[np.linalg.norm(bodies.driven[:, :3], axis=1).argmax(), :3]
+def _direction(vectors: Array) -> Array:
+    """Unit vector of a resultant; x where it is next to nothing."""
+    total = vectors.sum(axis=0)
     size = float(np.linalg.norm(total))
+    least = RESULTANT * float(np.linalg.norm(vectors, axis=1).sum())
     return np.asarray(total / size) if size > least else np.eye(3)[0]
 
 
