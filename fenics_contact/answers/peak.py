@@ -161,8 +161,9 @@ class PeakAnswer(Asked):
         if peak.status == "not_known":
             return [Line("peak:", f"not known, {peak.reason}", verbose=only_more)]
         carried = four(words.number(peak.load_factor, end.sign))
+        unit = words.unit if words.unit != "times" else f"times the {words.noun}"
         told = (
-            f"on the way at least {carried} {words.unit} was carried at"
+            f"on the way at least {carried} {unit} was carried at"
             f" {words.units.small(peak.displacement_m)} (it depends on stiffness and mesh)"
         )
         return [Line("peak:", told)]

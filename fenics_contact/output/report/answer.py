@@ -248,4 +248,4 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     what = f"{', '.join(first)} and {last}" if first else last
     yield f"Of {counted(moves['joints'], 'joint')} {what}."
     if contacts["pressure"] > 0.0:
-        yield f"The largest mean pressure of one is {units.stress(contacts['pressure'], 3)}."
+        yield f"The largest mean pressure of a joint is {units.stress(contacts['pressure'], 3)}."

@@ -188,7 +188,8 @@ def loads_and_groups(content: Content) -> Iterator[str]:
     yield heading("Loads and groups")
     if address := content.pictures.get("scene"):
         yield picture(address, PICTURES["scene"])
-    rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
+    loads = {name: scene["loads"][name] for name in ("dead", "live")}
+    rows: list[tuple[str, ...]] = [*_rows(loads, scene["units"], units)]
     floors = (scene.get("floors") or {}).items()
     rows += [(f"floor {name}", "force", floor_text(floor, units)) for name, floor in floors]
     soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
@@ -300,9 +301,7 @@ def load_factors(content: Content) -> Iterator[str]:
 
 def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> str:
     """What one end of the range of load factors is, how it was found, or why not."""
-    parts = (
-        [paragraph(sentence(STATUS[end["status"]]))] if end["status"] != record["status"] else []
-    )
+    parts = [paragraph(sentence(STATUS[end["status"]]))] * (end["status"] != record["status"])
     if end["reason"]:
         reason = f"{end['reason']}."
         if end["status"] == "not_converged" and end["attempts"]:
@@ -314,7 +313,7 @@ def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> 
 
 
 def forces(content: Content) -> Iterator[str]:
-    """Pictures of forces and stresses that say something."""
+    """Pictures of forces and stresses that say something, and the capacity curve."""
     many = content.record["mesh"]["bodies"] > LEGIBLE
     first = ("collapse", "collapse_negative", "scene", "capacity")
     found = {
@@ -339,11 +338,6 @@ def forces(content: Content) -> Iterator[str]:
         if end.get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
         yield picture(address, PICTURES[stem] + more)
-    yield from capacity(content)
-
-
-def capacity(content: Content) -> Iterator[str]:
-    """The capacity curve, where it was asked for."""
     if address := content.pictures.get("capacity", ""):
         yield heading("Capacity curve")
         yield picture(address, PICTURES["capacity"])
