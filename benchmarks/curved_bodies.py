@@ -18,7 +18,6 @@ from benchmarks.known_answers import Array, Figure, Profile, mesh_of
 from fenics_contact import BlockMesh, Equilibrium, JointLaw, Load, Material, Scene
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.service_state import service_state
-from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
 
@@ -130,10 +129,9 @@ def pressed(scene: Scene, contact: HertzContact) -> Profile:
     def gap(x: Array) -> Array:
         return 0.5 * contact.curvature * np.minimum(np.abs(x), FAR * contact.half_width) ** 2
 
-    strategy = strategy_of(scene)
     with WithGap(scene, gap) as made:
-        bonded = made.bonded(strategy.kind)
-        case = LoadCase.of(made, bonded, 1.0, strategy.kind, lambda step: None)
+        bonded = made.bonded()
+        case = LoadCase.of(made, bonded, 1.0, lambda step: None)
         found = service_state(case, 1.0)
     return Profile.of(
         Equilibrium(**vars(found), layout=made.layout, factorizations=made.factorizations())

@@ -130,11 +130,10 @@ def errors(elements: int, degree: int, matching: bool = True) -> dict[str, float
     Where nodes do not match, the upper block has half as many elements again.
     """
     scene = scene_of((elements, elements if matching else 3 * elements // 2), degree)
-    strategy = strategy_of(scene)
     with Manufactured(scene) as made:
-        bonded = made.bonded(strategy.kind)
-        case = LoadCase.of(made, bonded, 1.0, strategy.kind, lambda step: None)
-        found = find_collapse(case, strategy, 1e-10)
+        bonded = made.bonded()
+        case = LoadCase.of(made, bonded, 1.0, lambda step: None)
+        found = find_collapse(case, strategy_of(scene), 1e-10)
         if found.status != "limit":
             raise RuntimeError(f"{found.status}: {found.certificate}")
         u = displacement_function(made, found.state.displacement, "displacement")

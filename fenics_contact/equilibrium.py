@@ -20,7 +20,6 @@ from fenics_contact.collapse.service_state import (
     service_state,
     without_equilibrium,
 )
-from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.console import state_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
@@ -249,10 +248,9 @@ def _found(
         blocks = RigidBlocks.of(made, sign, made.effort.wait)
         found = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
         if found is None:
-            kind = strategy_of(scene).kind
             made.end_when(within(scene.solve.time))
             try:
-                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+                case = LoadCase.of(made, made.bonded(), sign, lambda step: None)
                 found = find(case, abs(load_factor))
             except Stopped as stop:
                 found = ServiceState("not_converged", load_factor, reason=str(stop))

@@ -25,7 +25,6 @@ from fenics_contact.collapse.reasons import explained, unfinished, within
 from fenics_contact.collapse.record import Listener
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import rests, service_state
-from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
@@ -136,12 +135,11 @@ class LimitLoad(Result, Pictured):
             return replace(self, skipped=(*self.skipped, NO_CURVE))
         with Discretization(self.scene) as made:
             made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
-            kind = strategy_of(made.scene).kind
             sign = end.sign
             found: Collapse = signed(end, sign)
             curve: list[CapacityPoint] = []  # stays empty where it is stopped before its first one
             with suppress(Stopped):
-                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+                case = LoadCase.of(made, made.bonded(), sign, lambda step: None)
                 found = of_curve(case, found, CURVE_SOLVE)
                 told = (monitor or _Silent()).point
                 curve = capacity_curve(case, found, points, told)
@@ -378,15 +376,14 @@ def _solved(
             parts[name] = beside.submit(solved_beside, alone, monitor.of_worker())
     busy = len(parts) > 0 and workers_of(beside) <= len(parts)
     own = InPlace() if busy else beside
-    kind = strategy_of(scene).kind
     monitor.phase("one elastic solve with closed joints")
-    bonded = discretization.bonded(kind)
+    bonded = discretization.bonded()
     seconds["bonded"] = bonded.seconds
     ends: dict[str, Collapse] = {}
     for name in (here,) if parts else (here, *others):
         listener = _Direction(monitor, name)
         told = partial(monitor.step, name)
-        listener.case = LoadCase.of(discretization, bonded, SIGNS[name], kind, told, listener)
+        listener.case = LoadCase.of(discretization, bonded, SIGNS[name], told, listener)
         found = _collapse(replace(listener.case, beside=own), lower, monitor, seconds)
         ends[name] = signed(found, SIGNS[name])
     if parts and not discretization.effort.watch.reason:  # not while others are waited for

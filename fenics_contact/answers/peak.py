@@ -53,11 +53,10 @@ from fenics_contact.results.certificate import state_residuals, tolerances
 from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording, four
-from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.scene.scene import BY_FIXED_POINT, SolveOptions
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.interior_point import Tolerances
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -105,6 +104,7 @@ class PeakAnswer(Asked):
         (Question.loses_strength, TEARS),
         (lambda question: _unforced(question) and question.options.fast, FAST),
         (lambda question: _unforced(question) and question.options.peak is False, NOT_ASKED),
+        (lambda question: question.options.method in BY_FIXED_POINT, OTHER_METHOD),
     )
 
     @property
@@ -192,8 +192,6 @@ def find_peak(case: LoadCase, end: Collapse, cost: float, at_any_cost: bool = Fa
         at_any_cost: Whether hundreds of factorisations may be made, and the path of the structure
             itself is followed where block modes have no peak.
     """
-    if case.kind != GENERAL:
-        return Peak("not_known", reason=OTHER_METHOD)
     path = np.array([one.load_factor for one in case.record.trace if one.phase == ON_THE_WAY])
     fell = np.max(np.maximum.accumulate(path) - path, initial=0.0) > SEARCH.dip * end.size
     search = _PeakSearch(case, end)

@@ -22,7 +22,6 @@ from fenics_contact.results.certificate import (
     tolerances,
 )
 from fenics_contact.search_options import SEARCH
-from fenics_contact.solvers.joint_stiffness import SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
 
@@ -65,8 +64,6 @@ def _certified(
 def _by_elastic_mode(case: LoadCase, state: State, scales: Scales, tolerance: float) -> Verified:
     """The certificate with the motion that follows; `SolverError` where there is none."""
     kkt = case.coulomb(state.work, scales)
-    if case.kind == SYMMETRIC:  # with the state's own friction as given, A is symmetric
-        kkt = case.given(case.problem.law.given(state.pressure), state.work, scales)
     mode = rates(kkt, state)[0]
     # It bounds the limit for the state's friction from above, the state's forces from below.
     limit = kinematic_factor(case.problem, state, mode)

@@ -27,7 +27,6 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import Solution
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import ContactProblem, SparseMap, State
 
 #: Phase of the record, as of the path: its points are those of block modes.
@@ -153,6 +152,5 @@ def _exact(program: Program, end: FaceIterate, before: FaceIterate) -> FaceItera
 #: The path by its length; more work is tried anew where a state has too large a gap.
 FOLLOW = Strategy(
     (along_its_length,),
-    GENERAL,
     options=replace(SEARCH, first_work=SEARCH.follow_works, work_of_many=0.0),
 )

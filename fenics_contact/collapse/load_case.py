@@ -32,7 +32,7 @@ from fenics_contact.solvers.arclength import (
 )
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.interior_point import Solution, Tolerances
-from fenics_contact.solvers.joint_stiffness import GENERAL, JointStiffness
+from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 from fenics_contact.workers import InPlace, check_asked_to_stop
@@ -57,7 +57,6 @@ class LoadCase:
         blocks: Rigid-block programs of this direction.
         bonded: Response with all joints closed, to the live load in this direction.
         scales: Typical sizes on the elastic part of the path.
-        kind: Of factorisation, see `JointStiffness`.
         monitor: Told every iteration.
         stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
@@ -70,7 +69,6 @@ class LoadCase:
     blocks: RigidBlocks
     bonded: Bonded
     scales: Scales
-    kind: str
     monitor: Callable[[Step], None]
     stiffness: JointStiffness
     sign: float = 1.0
@@ -83,7 +81,6 @@ class LoadCase:
         discretization: Discretization,
         bonded: Bonded,
         sign: float,
-        kind: str,
         monitor: Callable[[Step], None],
         listener: Listener | None = None,
     ) -> LoadCase:
@@ -102,14 +99,14 @@ class LoadCase:
         scales = replace(scales, displacement=max(scales.displacement, stretched))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks.of(discretization, sign, discretization.effort.wait)
-        stiffness = discretization.stiffness(kind)
-        made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
+        stiffness = discretization.stiffness
+        made = cls(discretization, problem, blocks, bonded, scales, monitor, stiffness, sign)
         return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, listener))
 
     def reversed(self) -> LoadCase:
         """The same structure under the opposite live load."""
         given = replace(self.bonded, live=self.sign * self.bonded.live)
-        case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
+        case = LoadCase.of(self.discretization, given, -self.sign, self.monitor)
         problem = case.problem.with_law(slip_origin=self.problem.law.slip_origin)
         record = self.record.reversed()
         return replace(case, problem=problem, record=record)
@@ -118,7 +115,7 @@ class LoadCase:
         """The load case with joint points that have lost their strengths, of all points."""
         whole = self.discretization.with_(unbonded=unbonded)
         given = replace(self.bonded, live=self.sign * self.bonded.live)
-        case = LoadCase.of(whole, given, self.sign, self.kind, self.monitor)
+        case = LoadCase.of(whole, given, self.sign, self.monitor)
         return replace(case, record=self.record)
 
     @property
@@ -276,7 +273,7 @@ class LoadingPath:
         self._name = name
         self._kkt = task.kkt
         if modes is not None:
-            stiffness = modes.stiffness(GENERAL, task.case.discretization.mode_tally)
+            stiffness = modes.stiffness(task.case.discretization.mode_tally)
             self._kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
 
     @classmethod

@@ -38,7 +38,7 @@ from fenics_contact.discretization.materials import (
     wedge_compliance,
 )
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.solvers.joint_stiffness import GENERAL, JointRows, JointStiffness
+from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
 
 
@@ -100,7 +100,7 @@ def soft_hinges(case: LoadCase, points: Indices, halvings: float) -> Iterator[So
         loads = {name: np.append(getattr(reduced, name), none) for name in ("dead", "live")}
         problem = replace(reduced, **maps, **loads)
         rows = [_joint_rows(matrices["normal"], matrices["tangential"])]
-        springs = JointStiffness(problem.stiffness, rows, GENERAL, whole.mode_tally)
+        springs = JointStiffness(problem.stiffness, rows, whole.mode_tally)
         yield SoftHinges(problem, owner.enter_context(springs), len(reduced.dead))
 
 

@@ -36,7 +36,6 @@ from fenics_contact.solvers.joint_forces import (
     alternately,
     at_once,
 )
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, State
 
@@ -336,7 +335,6 @@ class Strategy:
 
     Attributes:
         attempts: States at a prescribed work: what is tried, in order.
-        kind: Of factorisation, see `JointStiffness`.
         further: State from one at less work, tried first where there is one; None: nothing.
         equilibrium: State at a prescribed load factor, next to another one.
         options: How the work grows, and what may be spent.
@@ -344,7 +342,6 @@ class Strategy:
     """
 
     attempts: tuple[Attempt, ...]
-    kind: str
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
     options: SearchOptions = SEARCH
@@ -355,7 +352,6 @@ class Strategy:
 JOINT_FORCES: dict[str, Strategy] = {
     name: Strategy(
         (partial(joint_forces, minimise=minimise),),
-        SYMMETRIC,
         equilibrium=fixed_point_equilibrium,
         # States far along the mode take many steps.
         options=replace(ITERATED, first_work=100.0, work_of_many=0.0, work_gap=1.0),
@@ -367,18 +363,15 @@ JOINT_FORCES: dict[str, Strategy] = {
 COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
         (along_block_modes,),
-        GENERAL,
         further_along_rising_work,
     ),
-    "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
-    "fixed-point": Strategy(
-        (fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium, options=ITERATED
-    ),
+    "monolithic": Strategy((interior_point, along_falling_products)),
+    "fixed-point": Strategy((fixed_point,), equilibrium=fixed_point_equilibrium, options=ITERATED),
     **JOINT_FORCES,
 }
 
 #: With given friction, or none, the problem is convex and the interior point method finds it.
-GIVEN = Strategy((interior_point,), SYMMETRIC)
+GIVEN = Strategy((interior_point,))
 
 
 def strategy_of(scene: Scene) -> Strategy:

@@ -142,7 +142,7 @@ class Discretization(Layout, Closing):
         self.effort = Effort()
         self.tally = Tally(1.0, self.effort)
         self.mode_tally = Tally(MODE_COST, self.effort)
-        self._stiffnesses: dict[str, JointStiffness] = {}
+        self._stiffness: list[JointStiffness] = []  # shared by `with_`, once it is made
         self.seconds = time.perf_counter() - start
 
     def with_(self, *, scene: Scene | None = None, unbonded: Flags | None = None) -> Discretization:
@@ -230,14 +230,15 @@ class Discretization(Layout, Closing):
         """Numeric factorisations so far, those of block modes among them."""
         return self.tally.count + self.mode_tally.count
 
-    def stiffness(self, kind: str) -> JointStiffness:
-        """K with joint springs, made when first asked for, by `kind` of factorisation."""
-        if kind not in self._stiffnesses:
-            stiffness = self.stiffness_with(self.problem.stiffness, kind)
-            self._stiffnesses[kind] = self._owner.enter_context(stiffness)
-        return self._stiffnesses[kind]
+    @property
+    def stiffness(self) -> JointStiffness:
+        """K with joint springs, made when first asked for."""
+        if not self._stiffness:
+            stiffness = self.stiffness_with(self.problem.stiffness)
+            self._stiffness.append(self._owner.enter_context(stiffness))
+        return self._stiffness[0]
 
-    def stiffness_with(self, elastic: SparseMap, kind: str) -> JointStiffness:
+    def stiffness_with(self, elastic: SparseMap) -> JointStiffness:
         """Another stiffness of the blocks with joint springs; the caller closes it."""
         made = self.operators
         # Ties may have many more nodes than joint points.
@@ -246,23 +247,20 @@ class Discretization(Layout, Closing):
             JointRows.single(made.dofs[rows], made.normal_rows[rows], made.tangential_rows[rows])
             for rows in (slice(first), slice(first, None))
         ]
-        return JointStiffness(elastic, parts, kind, self.tally)
+        return JointStiffness(elastic, parts, self.tally)
 
-    def bonded(self, kind: str) -> Bonded:
-        """Solve with all joints closed, under the dead and under the live load.
-
-        `kind` of factorisation is that of the solves to come: one analysis does for all.
-        """
+    def bonded(self) -> Bonded:
+        """Solve with all joints closed, under the dead and under the live load."""
         start = time.perf_counter()
         problem = self.problem
         with ExitStack() as owner:
-            stiffness = self.stiffness(kind)
+            stiffness = self.stiffness
             spring = np.full(problem.points, BONDED_SPRING * stiffness.mean_diagonal)
             if self.joints.corners:  # about which blocks may turn
                 soft = SparseMap(problem.stiffness.matrix.copy())
                 owner.callback(soft.close)
                 soft.matrix.shift(SOFT_GROUND * stiffness.mean_diagonal)
-                stiffness = owner.enter_context(self.stiffness_with(soft, kind))
+                stiffness = owner.enter_context(self.stiffness_with(soft))
             factor = stiffness.factor(spring, spring / (1.0 + spring * problem.compliance[1]))
             # Movements of supports give typical sizes where they are all of the dead load.
             load = self.elasticity.dead

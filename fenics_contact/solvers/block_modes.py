@@ -165,7 +165,7 @@ class BlockModes(Closing):
         }
         maps = {name: SparseMap(matrix) for name, matrix in matrices.items()}
         self.reduced = self._loaded(problem, problem, **maps)
-        self._stiffnesses: dict[str, JointStiffness] = {}
+        self._stiffness: list[JointStiffness] = []  # shared by copies, once it is made
         self._owner = Owner()
         for item in (*maps.values(), self._basis):
             self._owner.callback(item.close)
@@ -183,18 +183,17 @@ class BlockModes(Closing):
             **maps,
         )
 
-    def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
-        """K_P with joint springs, made when first asked for; arguments as of `JointStiffness`.
+    def stiffness(self, tally: Tally) -> JointStiffness:
+        """K_P with joint springs, made when first asked for.
 
         It is the same one under other loads and laws, and has the tally that was given last.
         """
-        made = self._stiffnesses
-        if kind not in made:
+        if not self._stiffness:
             rows = _rows(self.reduced, self._blocks.sides, self._modes)
-            stiffness = JointStiffness(self.reduced.stiffness, [rows], kind, tally)
-            made[kind] = self._owner.enter_context(stiffness)
-        made[kind].tally = tally
-        return made[kind]
+            stiffness = JointStiffness(self.reduced.stiffness, [rows], tally)
+            self._stiffness.append(self._owner.enter_context(stiffness))
+        self._stiffness[0].tally = tally
+        return self._stiffness[0]
 
     def changed(self, problem: ContactProblem) -> BlockModes:
         """The same modes under other loads and laws; this object keeps maps and stiffnesses."""

@@ -26,17 +26,9 @@ from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
 Integers = npt.NDArray[np.int32]
 
-#: Factorisations: A without coupling, and any A.
-SYMMETRIC = PETSc.PC.Type.CHOLESKY
-GENERAL = PETSc.PC.Type.LU
-#: Prefix of PETSc options for the first; that of the second goes by size.
-SYMMETRIC_PREFIX = "fenics_contact_symmetric_"
-
-
-#: MUMPS for `GENERAL` factorisations: no pivoting, no scaling, no permutation, the determinant, and
-#: so many right-hand sides at once. A is nearly symmetric with springs of very different size on
-#: its diagonal: off-diagonal pivots would cancel digits that plain elimination keeps, and plain
-#: elimination needs no scaling.
+#: MUMPS: no pivoting, no scaling, no permutation, the determinant, and so many right-hand sides at
+#: once. A is nearly symmetric with springs of very different size on its diagonal: off-diagonal
+#: pivots would cancel digits that plain elimination keeps, and plain elimination needs no scaling.
 PLAIN = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1, "icntl_27": 64}
 #: Least pivot, in units of the mean diagonal of K. A smaller one is rounding next to a mechanism;
 #: the work of the live load limits the mechanism.
@@ -149,19 +141,15 @@ class JointStiffness(Closing):
         tally: Counts the factorisations.
     """
 
-    def __init__(
-        self, stiffness: SparseMap, rows: Sequence[JointRows], kind: str, tally: Tally
-    ) -> None:
+    def __init__(self, stiffness: SparseMap, rows: Sequence[JointRows], tally: Tally) -> None:
         """Lay out A; it is analysed with the first factor.
 
         Args:
             stiffness: K in the supports' coordinates.
             rows: Joint rows, one set of points after the other.
-            kind: `SYMMETRIC` or `GENERAL`.
             tally: Counts the factorisations.
         """
         self.tally = tally
-        self._kind = kind
         self._rows = list(rows)
         diagonal = stiffness.diagonal()
         total, size = stiffness.comm.allreduce(np.array([diagonal.sum(), len(diagonal)]))
@@ -187,7 +175,7 @@ class JointStiffness(Closing):
     ) -> Factor:
         """A^-1 for springs k_N, k_T, c and d; it replaces the last one.
 
-        Springs are those of this rank's joint points, N/m; for `SYMMETRIC` c and d are equal.
+        Springs are those of this rank's joint points, N/m.
 
         Raises:
             SolverError: If A is numerically singular, or no more factorisations are allowed.
@@ -200,7 +188,6 @@ class JointStiffness(Closing):
         else:
             self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
             self._add(self._matrix, blocks)
-        self._matrix.setOption(PETSc.Mat.Option.SPD, self._kind == SYMMETRIC)
         preconditioner = self._solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
         self._made += 1
@@ -215,20 +202,19 @@ class JointStiffness(Closing):
         solver = PETSc.KSP().create(self._matrix.comm)
         solver.setType(PETSc.KSP.Type.PREONLY)
         preconditioner = solver.getPC()
-        preconditioner.setType(self._kind)
+        preconditioner.setType(PETSc.PC.Type.LU)
         preconditioner.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         solver.setOperators(self._matrix)
         small = self._matrix.getSize()[0] <= SEARCH.large_system
         prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
-        solver.setOptionsPrefix(prefix if self._kind == GENERAL else SYMMETRIC_PREFIX)
-        if self._kind == GENERAL:
-            pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
-            values = {**PLAIN, "cntl_4": float(pivot)}
-            if small:
-                values["icntl_7"] = MINIMUM_FILL
-            table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
-            for name, value in values.items():
-                table[f"mat_mumps_{name}"] = value
+        solver.setOptionsPrefix(prefix)
+        pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
+        values = {**PLAIN, "cntl_4": float(pivot)}
+        if small:
+            values["icntl_7"] = MINIMUM_FILL
+        table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
+        for name, value in values.items():
+            table[f"mat_mumps_{name}"] = value
         return solver
 
     def _blocks(
@@ -300,9 +286,7 @@ class Factor:
 
     @property
     def determinant_sign(self) -> float:
-        """Sign of det A; 1 without coupling, where A is positive definite."""
-        if self._stiffness._kind == SYMMETRIC:
-            return 1.0
+        """Sign of det A."""
         return float(np.sign(self._factor_matrix().getMumpsRinfog(12)))
 
     def solve(self, right: Array) -> Array:

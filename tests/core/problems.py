@@ -13,7 +13,6 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import PerturbedKKT
 from tests.bank import Recipe, coulomb
 
@@ -30,8 +29,8 @@ BOND = Recipe(lambda n, quads: running_bond(2, 2, elements=n), coulomb(0.5))
 def load_case(scene: Scene) -> Iterator[LoadCase]:
     """A scene discretised, with its live load as given."""
     with Discretization(scene) as discretization:
-        bonded = discretization.bonded(GENERAL)
-        yield LoadCase.of(discretization, bonded, 1.0, GENERAL, [].append)
+        bonded = discretization.bonded()
+        yield LoadCase.of(discretization, bonded, 1.0, [].append)
 
 
 def conditions(case: LoadCase, given: Array | None = None) -> PerturbedKKT:

@@ -18,7 +18,6 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.search_options import SEARCH
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import BOND, load_case
 
@@ -35,7 +34,7 @@ def not_settled(task: Task):
 
 def collapse_of(case: LoadCase, *attempts):
     work = replace(SEARCH, works=2)
-    return explained(case, find_collapse(case, Strategy(attempts, GENERAL, options=work), 1e-6))
+    return explained(case, find_collapse(case, Strategy(attempts, options=work), 1e-6))
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +84,7 @@ def test_reason_where_the_limit_of_factorisations_ends_the_search():
     work = replace(SEARCH, collapse_cost=6.0)
     attempts = interior_point, along_falling_products
     with load_case(wall_recipe("W3", coulomb(0.65)).scene(1)) as case:
-        strategy = Strategy(attempts, GENERAL, options=work)
+        strategy = Strategy(attempts, options=work)
         end = explained(case, find_collapse(case, strategy, 1e-6))
     assert end.status == "not_converged" and "more time" not in end.reason
     assert end.reason.startswith("the search ended at its limit of 6 factorisations; no state was ")
@@ -98,7 +97,7 @@ def test_reason_where_the_limit_of_factorisations_ends_the_search():
 def test_more_time_is_advised_where_the_time_ended_this_direction(stopped):
     """Not where another direction was stopped after this one had come to its end."""
     with load_case(BOND.scene(1)) as case:
-        found = find_collapse(case, Strategy((finds_nothing,), GENERAL), 1e-6)
+        found = find_collapse(case, Strategy((finds_nothing,)), 1e-6)
         watch = case.discretization.effort.watch
         watch.reason = "stopped after 1 s (solve.time)"
         end = explained(case, replace(found, reason=watch.reason) if stopped else found)

@@ -64,7 +64,7 @@ def test_glue_is_elastic_continuity_where_nodes_do_not_match():
         energy = []
         for made in (whole, glued):
             problem = made.problem
-            u = made.bonded("lu").live
+            u = made.bonded().live
             assert problem.law.friction.size == 0
             energy.append(problem.dot(problem.live, u))
     assert energy[1] == pytest.approx(energy[0], rel=2e-2)
