@@ -156,7 +156,7 @@ class LowestAnswer(Asked):
             return f"not known, {lowest.reason}"
         if end.bounds.meet:
             return "none, as the bracket proves"
-        factors = [state.load_factor for state in end.states]
+        factors = [state.load_factor for state in end.states or (end.as_state,)]
         several = f"; states were found from {min(factors):.6g} to {max(factors):.6g}"
         others = several if len(factors) > 1 else ""
         if end.searched:
