@@ -74,8 +74,8 @@ class ControlPoint:
             if place is None:
                 return cls(fastest, np.zeros(3), along)
         arms = bodies.sides.corners.reshape(-1, 3)
+        corners = bodies.sides.placed(bodies.start).reshape(-1, 3)
         block = np.repeat(bodies.sides.owner, len(arms) // len(bodies.sides.owner))
-        corners = bodies.start.centroid[block] + arms
         speed = bodies.speed(mode)
         moves = bodies.structure.number >= 0
         if place is None:
@@ -146,7 +146,9 @@ class Beyond:
     @property
     def agrees(self) -> bool:
         """Whether both paths come to one end by one way."""
+        ends = [trace.points[-1] for trace in (self.fine, self.coarse)]
         same = abs(self.end - self.other_end) <= SAME_END * max(abs(self.end), abs(self.other_end))
+        same |= all(point.event == "jump" for point in ends)  # each behind its shortest step
         if self.fine.why == self.coarse.why == ASKED:
             return self.is_twice and self.until >= min(self.end, self.other_end)
         return self.is_twice and same and self.until >= self.end

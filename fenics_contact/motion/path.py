@@ -350,20 +350,16 @@ class Follower:
         left = np.maximum(model.strength + model.friction * normal - shear, 0.0)
         sticks = active & (slip / stage.step < left / model.force)
         used = float(shear[:count] @ slip[:count] - stage.force[count:, 1] @ relative[count:, 1])
-        first = stage.scenery.poses.moved(self.bodies.motions(unknowns))
+        bodies = self.bodies
+        first = stage.scenery.poses.moved(bodies.motions(unknowns))
         for keep in (sticks, np.zeros_like(sticks)):  # hinges; else gaps alone
             poses, missed = self._on_chain(stage, first, active[:count], keep[:count])
-            if missed < 1e-2 * stage.step and self._apart(first, poses) < 0.5 * stage.step:
+            away = np.abs(bodies.sides.placed(first) - bodies.sides.placed(poses)).max()
+            if missed < 1e-2 * stage.step and away < 0.5 * stage.step:
                 return poses, used
         if stage.step > 1.01 * least:
             raise SolverError("contacts contradict each other")
         return first, used
-
-    def _apart(self, one: Poses, other: Poses) -> float:
-        """Largest distance of corners in two poses, about, m."""
-        shift = np.linalg.norm(one.centroid - other.centroid, axis=1)[:-1]
-        turn = np.abs(one.rotation - other.rotation).max(axis=(1, 2))[:-1]
-        return float((shift + turn * self.bodies.sides.reach)[self.bodies.moves].max())
 
     def _on_chain(
         self, stage: Stage, poses: Poses, active: Flags, sticks: Flags

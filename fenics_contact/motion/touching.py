@@ -87,7 +87,7 @@ class MovingSides:
         contacts = zip(structure.contacts, structure.laws, strict=True)
         drawn = {frozenset((one.first, one.second)): law for one, law in contacts}
         self._law_of = structure.law_of or (lambda *pair: drawn.get(frozenset(pair)))
-        self._fixed = np.array([block.fixed for block in structure.blocks])
+        self._moves = moves = structure.number >= 0
         bodies = [_without_end(block, structure) for block in structure.blocks]
         pieces = [piece for body in bodies for piece in body]
         self.owner = np.repeat(np.arange(len(bodies)), [len(body) for body in bodies])
@@ -95,15 +95,13 @@ class MovingSides:
         self.corners = _padded([piece.corners for piece in pieces]) - centroid[:, None]
         self.reach = np.zeros(len(bodies))
         np.maximum.at(self.reach, self.owner, np.linalg.norm(self.corners, axis=2).max(axis=1))
-        moves = zip(pieces, self._fixed[self.owner], strict=True)
-        thinnest = min(piece.thickness for piece, fixed in moves if not fixed)
+        thinnest = min(p.thickness for p, k in zip(pieces, self.owner, strict=True) if moves[k])
         self._depth, self._narrow, self._same = (part * thinnest for part in (DEPTH, NARROW, SAME))
         # Sides, one after the other; in the plane those across it.
         normals = np.vstack([piece.normals for piece in pieces])
         kept = np.flatnonzero((np.abs(normals[:, 1]) < FACING) | (structure.dimension == 3))
         normals = normals[kept]
         self._piece = np.repeat(np.arange(len(pieces)), [len(one.sides) for one in pieces])[kept]
-        self._begin = np.searchsorted(self._piece, np.arange(len(pieces) + 1))
         self._block = self.owner[self._piece]
         self._loops = _padded([np.array(side) for one in pieces for side in one.sides])[kept]
         self._frames = _frames(normals)
@@ -128,31 +126,30 @@ class MovingSides:
         every = (*ends, *arms, self._frames[other], friction)
         return PointUnits(*(array[kept] for array in every))
 
-    def _present(self, poses: Poses) -> Present:
+    def placed(self, poses: Poses) -> Array:
+        """Corners of all pieces, m, shape (pieces, ., 3)."""
         turned = np.einsum("pij,pcj->pci", poses.rotation[self.owner], self.corners)
-        corners = poses.centroid[self.owner][:, None] + turned
+        return np.asarray(poses.centroid[self.owner][:, None] + turned)
+
+    def _present(self, poses: Poses) -> Present:
+        corners = self.placed(poses)
         axes = np.einsum("sij,skj->ski", poses.rotation[self._block], self._frames)
         levels = self._levels + _dot(axes[:, 0], poses.centroid[self._block])
         return Present(corners, axes, levels, corners[self._piece[:, None], self._loops])
 
     def _facing(self, present: Present, reach: float) -> Indices:
         """Pairs of sides that face each other, as near as that, one of which parts its pieces."""
-        corners, axes, levels, _ = present
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        every = np.arange(len(corners))
+        corners, axes, levels, loops = present
+        low, high = loops.min(axis=1), loops.max(axis=1)
+        every = np.arange(len(loops))
         radius = 0.5 * (np.linalg.norm(high - low, axis=1) + reach)
         portions = near_pairs(0.5 * (low + high), radius, every, every)
         one, two = np.concatenate([np.stack(part, axis=1) for part in portions]).T
-        apart = np.maximum(low[one] - high[two], low[two] - high[one]).max(axis=1)
-        first, second = self.owner[one], self.owner[two]
-        wanted = (one < two) & (apart <= reach) & (first != second)
-        wanted &= ~(self._fixed[first] & self._fixed[second])
-        pieces = np.unique(np.column_stack([one, two])[wanted], axis=0)
-        count = np.diff(self._begin)[pieces]
-        number, place = _counted(count.prod(axis=1))
-        each = np.column_stack(np.divmod(place, count[number, 1]))
-        pairs = self._begin[pieces[number]] + each
-        pairs = pairs[_dot(axes[pairs[:, 0], 0], axes[pairs[:, 1], 0]) < -FACING]
+        near = np.all(np.maximum(low[one] - high[two], low[two] - high[one]) <= reach, axis=1)
+        first, second = self._block[one], self._block[two]
+        wanted = near & (one < two) & (first != second) & (self._moves[first] | self._moves[second])
+        wanted &= _dot(axes[one, 0], axes[two, 0]) < -FACING
+        pairs = np.unique(np.column_stack([one, two])[wanted], axis=0)
         apart = np.full(len(pairs), -np.inf)
         for side, other in (pairs.T, pairs.T[::-1]):
             heights = np.einsum("pci,pi->pc", corners[self._piece[other]], axes[side, 0])
@@ -293,12 +290,6 @@ def _padded(rows: Sequence[Any]) -> Any:
     """Arrays as one; the last entry of each is repeated until all have as many."""
     most = max(len(row) for row in rows)
     return np.array([[*row, *[row[-1]] * (most - len(row))] for row in rows])
-
-
-def _counted(count: Indices) -> tuple[Indices, Indices]:
-    """Numbers of groups of so many members, and numbers of these within them."""
-    group = np.repeat(np.arange(len(count)), count)
-    return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _dot(one: Array, two: Array) -> Array:
