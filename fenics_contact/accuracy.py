@@ -24,9 +24,9 @@ from fenics_contact.discretization.materials import law_matrices, mean_shear_mod
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
 from fenics_contact.lazily import fem
+from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.history import Pass
 from fenics_contact.results.result import Result
-from fenics_contact.results.values import Contact
 from fenics_contact.scene.scene import Scene
 from fenics_contact.search_options import SEARCH
 
@@ -95,7 +95,7 @@ def _enough_meshes(result: Result, name: str) -> bool:
     joints = result.ends[name].joints
     if joints is None or len(meshes) > 2:
         return len(meshes) > 2
-    slides = joints.contact == Contact.SLIP
+    slides = joints.contact == ContactState.SLIP
     slides[joints.hinges(result.layout.joints.neighbours)] = False
     return not np.any(slides)
 

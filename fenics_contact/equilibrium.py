@@ -25,23 +25,17 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
-from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.lazily import fem
-from fenics_contact.output.fields import displacement_function
+from fenics_contact.geometry.mesh import Indices
 from fenics_contact.output.files import write_service_state
 from fenics_contact.output.pictured import Pictured
-from fenics_contact.output.view import NO_LOAD, Caption, View, view_of
-from fenics_contact.results.result import ServiceState
+from fenics_contact.output.view import NO_LOAD, Caption, View, view_of, view_of_fall
+from fenics_contact.results.block_view import JOINT_STATES
+from fenics_contact.results.result import ServiceState, Shown
 from fenics_contact.results.values import (
-    Contact,
-    NamedArrays,
-    block_arrays,
     falling_blocks,
-    joint_arrays,
     soil_forces,
     soil_lines,
     tension_lines,
-    tie_arrays,
 )
 from fenics_contact.results.wording import DEAD, state_in_words, wording_of
 from fenics_contact.scene.scene import Scene
@@ -67,32 +61,8 @@ class Equilibrium(ServiceState, Pictured):
     def __repr__(self) -> str:
         return f"<Equilibrium: {self.status}, load factor {self.load_factor:.8g}>"
 
-    @property
-    def joints(self) -> NamedArrays:
-        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
-        return joint_arrays(self.layout, self.joint_values)
-
-    @property
-    def ties(self) -> NamedArrays:
-        """Arrays over the bars of all ties by name, the same on all ranks; see `tie_arrays`."""
-        return tie_arrays(self.layout, self.joint_values)
-
-    @property
-    def blocks(self) -> NamedArrays:
-        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`. Collective."""
-        moved = None if self.state is None else self.state.displacement
-        return block_arrays(self.layout, moved, None)
-
-    @property
-    def displacement(self) -> fem.Function | None:
-        """Displacements, m, a dolfinx function; None if there is no state."""
-        if self.state is None:
-            return None
-        values = self.state.displacement
-        return displacement_function(self.layout, values, "displacement")
-
-    def _elastic(self) -> Array | None:
-        return None if self.state is None else self.state.elastic
+    def _shown(self) -> Shown:
+        return Shown(self.joint_values, self.state)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -127,7 +97,7 @@ class Equilibrium(ServiceState, Pictured):
             lines += [BY_FACES] if self.engine == "faces" else []
         if self.joint_values is not None:
             state = self.joints["state"]
-            counts = (f"{np.sum(state == one)} {one.name.lower()}" for one in reversed(Contact))
+            counts = (f"{np.sum(state == one)} {one.name.lower()}" for one in JOINT_STATES)
             lines.append(f"joint points: {', '.join(counts)}")
         return "\n".join([*lines, f"{self.factorizations} factorisations, {self.seconds:.2f} s"])
 
@@ -142,14 +112,14 @@ class Equilibrium(ServiceState, Pictured):
             OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
         """
         numbers = {"factorizations": self.factorizations, "seconds": self.seconds}
-        view = self._view() if self.state is not None else None
+        drawn = self.state is not None or self.fall is not None
+        view = self._view() if drawn else None
         write_service_state(self, self.layout, view, numbers, Path(folder))
 
     def _view(self) -> View:
         """Displacements and joint forces, or the blocks that fall. Collective."""
         if self.fall is not None:
-            falling = self.layout.rigid_motion(self.fall)
-            return replace(view_of(self.layout, falling), marked=self.falling)
+            return view_of_fall(self.layout, self.fall)
         if self.state is None:
             raise SolverError(f"there is no state to draw: the status is '{self.status}'")
         sign = math.copysign(1.0, self.load_factor)

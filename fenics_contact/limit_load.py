@@ -37,13 +37,14 @@ from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, load_matplotlib, new_axes
-from fenics_contact.output.view import View, caption_of, view_of
+from fenics_contact.output.view import View, view_of_collapse, view_of_fall
 from fenics_contact.results.bounds import LimitBounds, rounded, signed
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.result import (
     NOT_KNOWN,
     Collapse,
     Result,
+    Shown,
     known_bounds,
     skipped,
     skipped_iterations,
@@ -81,18 +82,11 @@ class LimitLoad(Result, Pictured):
             return None
         return displacement_function(self.layout, self.collapse.mode, "collapse_mode")
 
-    @property
-    def displacement(self) -> fem.Function | None:
-        """Displacements at the state reached, m, a dolfinx function; None if there is none."""
-        if self.collapse is None or self.collapse.state is None:
-            return None
-        values = self.layout.with_imposed(self.collapse.state).displacement
-        return displacement_function(self.layout, values, "displacement")
-
-    def _elastic(self) -> Array | None:
-        if self.collapse is None or self.collapse.state is None:
-            return None
-        return self.layout.with_imposed(self.collapse.state).elastic
+    def _shown(self) -> Shown:
+        end = self.collapse
+        if end is None or end.state is None:
+            return Shown(None if end is None else end.joints)
+        return Shown(end.joints, self.layout.with_imposed(end.state), end.mode)
 
     def summary(self, verbose: bool = False) -> str:
         """The answer in some five lines. Collective: it solves for brackets.
@@ -169,7 +163,7 @@ class LimitLoad(Result, Pictured):
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, as `plot`; it is traced if the result is without."""
         check_axes(axes)
-        if self._view().values is None:
+        if self._view().faces is None:
             raise SolverError(f"there is no capacity curve: the status is '{self.status}'")
         curve = self.capacity or self.trace_capacity()
         if not curve:
@@ -185,14 +179,11 @@ class LimitLoad(Result, Pictured):
     def _view(self) -> View:
         """Collapse mode and joint forces, or the blocks that fall. Collective."""
         if self.fall is not None:
-            falling = self.layout.rigid_motion(self.fall)
-            return replace(view_of(self.layout, falling), marked=self.falling)
+            return view_of_fall(self.layout, self.fall)
         end = self.collapse
         if end is None or end.mode is None or end.joints is None or end.status == "unbounded":
             raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
-        sign = -1.0 if self.positive is None else 1.0
-        view = view_of(self.layout, end.mode, end.joints, sign)
-        return replace(view, caption=caption_of(self.status, end.engine))
+        return view_of_collapse(self.layout, end)
 
     @checked
     def write(

@@ -21,7 +21,7 @@ import numpy as np
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.output.view import block_view
+from fenics_contact.output.view import view_of
 from fenics_contact.results.block_view import AMPLITUDE, BlockView
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.wording import Line, Wording
@@ -129,7 +129,7 @@ class SeismicAnswer(Asked):
         if options is None or end.mode is None or end.joints is None:
             return None, end
         gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
-        view = block_view(layout, end.mode)
+        view = view_of(layout, end.mode).blocks
         check = seismic_check(view, options, end.load_factor, gravity, push)
         return None if check is None else cls(check), end
 

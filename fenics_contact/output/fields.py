@@ -18,9 +18,9 @@ from fenics_contact.discretization.materials import cell_field
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.lazily import fem
 from fenics_contact.output.folder import writing
-from fenics_contact.results.block_view import AMPLITUDE
+from fenics_contact.results.block_view import AMPLITUDE, ContactState
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.values import Contact, JointValues
+from fenics_contact.results.values import JointValues
 
 #: Squares of the raster along the longer side of the structure.
 SQUARES = 240
@@ -180,10 +180,12 @@ def material_numbers(layout: Layout) -> Indices:
 
 
 def facet_contact(values: JointValues, segments: Indices) -> npt.NDArray[np.int64]:
-    """`Contact` of joint facets: open if an end is open, else slipping if an end slips."""
+    """`ContactState` of joint facets: open if an end is open, else slipping if an end slips."""
     contact = values.contact[segments]
-    state = np.where(np.any(contact == Contact.SLIP, axis=1), Contact.SLIP, Contact.STICK)
-    return np.where(np.any(contact == Contact.OPEN, axis=1), Contact.OPEN, state)
+    state = np.where(
+        np.any(contact == ContactState.SLIP, axis=1), ContactState.SLIP, ContactState.STICK
+    )
+    return np.where(np.any(contact == ContactState.OPEN, axis=1), ContactState.OPEN, state)
 
 
 # ---- stresses on a raster of fixed size: what a picture of any mesh needs, and no more

@@ -11,9 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.facets import Boundary, Stencil
-from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.ties import Ties
 from fenics_contact.output.fields import StressRaster
 from fenics_contact.output.folder import DrawingError, drawing
 from fenics_contact.output.plotting import (
@@ -27,9 +24,8 @@ from fenics_contact.output.plotting import (
     save,
     whole_thrust,
 )
-from fenics_contact.output.view import Arrows, BlockLabels, Caption, Loads, Roles, View
-from fenics_contact.results.values import JointValues, TieValues
-from fenics_contact.scene.scene import JointLaw
+from fenics_contact.output.thrust import Resultants
+from fenics_contact.output.view import Arrows, BlockLabels, Caption, Held, Lines, Loads, View
 
 #: The file of a result with the pictures that were not drawn.
 FIGURES = "figures.npz"
@@ -58,15 +54,36 @@ class Figure:
 CLASSES: Mapping[str, type] = {
     kind.__name__: kind
     for kinds in (
-        (Figure, View, Boundary, Joints, JointLaw, JointValues, Ties, TieValues, Stencil),
-        (Loads, Arrows, BlockLabels, Roles, Caption, StressRaster),
+        (Figure, View, Lines, Held, Resultants, StressRaster),
+        (Loads, Arrows, BlockLabels, Caption),
     )
     for kind in kinds
 }
-SPARED = {"mode", "local", "local_facets", "stencil"}
+SPARED = {"blocks"}
 
 
 # ---- drawn
+
+
+def figures_of(view: View, motion: str = "collapse") -> list[Figure]:
+    """Motion, forces, stresses and lines of thrust of a view; or its marked blocks alone.
+
+    Args:
+        view: What the pictures show.
+        motion: Name of the picture of the motion.
+    """
+    blocks = view.blocks
+    kinds = {motion: "collapse"}
+    if view.marked is not None:
+        kinds = {"collapse": "marked"}
+    elif view.faces is not None:
+        kinds |= {kind: kind for kind in ("forces", "thrust")}
+    if view.stress is not None:
+        kinds["stress"] = "stress"
+    return [
+        Figure(f"{name}{blocks.suffix}", kind, view, blocks.whole_title)
+        for name, kind in kinds.items()
+    ]
 
 
 def picture_paths(path: Path, formats: Iterable[str]) -> list[Path]:
@@ -153,8 +170,6 @@ def _packed(value: Any, arrays: dict[int, np.ndarray[Any, Any]]) -> Any:
         return {"class": type(value).__name__, "values": dict(_packed_fields(value, arrays))}
     if isinstance(value, Mapping):
         return {"mapping": {key: _packed(item, arrays) for key, item in value.items()}}
-    if isinstance(value, frozenset):
-        return {"set": sorted(value)}
     if isinstance(value, (tuple, list)):
         return [_packed(item, arrays) for item in value]
     return value.item() if isinstance(value, np.generic) else value
@@ -177,8 +192,6 @@ def _unpacked(value: Any, arrays: Sequence[np.ndarray[Any, Any]]) -> Any:
         return value
     if "array" in value:
         return arrays[value["array"]]
-    if "set" in value:
-        return frozenset(value["set"])
     items = value["mapping" if "mapping" in value else "values"].items()
     made = {key: _unpacked(item, arrays) for key, item in items}
     return CLASSES[value["class"]](**made) if "class" in value else made

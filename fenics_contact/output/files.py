@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,12 @@ from fenics_contact import compat
 from fenics_contact.console import answer, law_contacts
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, plain
-from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import stress_raster, write_blocks, write_series
 from fenics_contact.output.figures import (
     FIGURES,
     Figure,
     draw_figures,
+    figures_of,
     picture_paths,
     write_figures,
 )
@@ -35,9 +35,8 @@ from fenics_contact.output.plotting import save_capacity
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.viewer import write_viewer
-from fenics_contact.output.view import View, block_view, caption_of, view_of
+from fenics_contact.output.view import FALLS, View, view_of, view_of_collapse, view_of_fall
 from fenics_contact.output.vtu import write_joints
-from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.result import (
     Answer,
@@ -81,10 +80,6 @@ FIRST: Mapping[str, Any] = {
 
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
-#: Title of blocks that fall.
-FALLS = "does not stand under its dead load"
-#: Gap of a load factor above which the titles of pictures have it.
-WIDE_GAP = 1e-3
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 #: Units by key; keys without one have numbers without unit, or words.
@@ -188,7 +183,10 @@ def _write_fields(
     figures: list[Figure] = []
     drawn: list[Figure] = []
     if options.pictures and not hurry():
-        figures = _figures(result)
+        views = _views(result)
+        figures = [one for view in views.values() for one in figures_of(view)]
+        whole = next((one for one in views.values() if one.faces), None) or view_of(layout)
+        figures.append(Figure("scene", "scene", whole, plain(result.scene.title, LONGEST_TITLE)))
         collapses = [one for one in figures if one.kind in ("collapse", "marked")]
         everything = options.pictures == ALL or options.report
         drawn = figures if everything else collapses or figures
@@ -197,14 +195,14 @@ def _write_fields(
             if end.state is None or end.mode is None or end.joints is None:
                 continue
             if options.paraview and end.status != "unbounded" and not hurry():
-                suffix = _suffix(result, direction)
+                suffix = result.suffix(direction)
                 state = layout.with_imposed(end.state)
                 path = folder / f"blocks{suffix}.pvd"
                 write_blocks(path, layout, state.displacement, state.elastic, end.mode)
                 path = folder / f"joints{suffix}.vtu"
                 write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
     if figures and not hurry():
-        blocks = _block_views(result)
+        blocks = {name: one.blocks for name, one in views.items() if np.any(one.motion)}
         kept = [one for one in figures if one not in drawn]
         with writing(comm):
             if comm.rank == 0 and kept:
@@ -219,53 +217,22 @@ def _write_fields(
     return lost
 
 
-def _suffix(result: Result, direction: str) -> str:
-    """What names of files have behind them in one of two directions."""
-    return "_negative" if direction == "negative" and len(result.ends) == 2 else ""
-
-
-def _block_views(result: Result) -> dict[str, BlockView]:
-    """Blocks with their motions, by direction. Collective."""
+def _views(result: Result) -> dict[str, View]:
+    """What pictures show, by direction; of a structure that does not stand its fall. Collective."""
     layout = result.layout
-    views: dict[str, BlockView] = {}
+    views: dict[str, View] = {}
     if result.fall is not None:
-        view = block_view(layout, layout.rigid_motion(result.fall))
-        views["fall"] = replace(view, caption=FALLS, marked=tuple(result.falling.tolist()))
+        views["fall"] = view_of_fall(layout, result.fall)
     for direction, end in result.ends.items():
-        if end.mode is not None and end.joints is not None and end.status != "unbounded":
-            reversal = ", live load reversed" * (direction == "negative")
-            view = block_view(layout, end.mode, end.joints, end.sign)
-            views[direction] = replace(view, caption=_title(end, reversal))
-    title = plain(result.scene.title, LONGEST_TITLE)
-    return {name: replace(view, title=title) for name, view in views.items()}
-
-
-def _figures(result: Result) -> list[Figure]:
-    """All pictures of a result but that of its curve. Collective."""
-    layout = result.layout
-    figures: list[Figure] = []
-    shown: list[View] = []
-    if result.fall is not None:
-        figures.append(figure_of_blocks(layout, result.falling, result.fall, FALLS))
-    for direction, end in result.ends.items():
-        negative = direction == "negative"
-        suffix = _suffix(result, direction)
-        reversal = ", live load reversed" if negative else ""
-        sign = -1.0 if negative else 1.0
+        told: dict[str, Any] = {"caption": title_of(end), "suffix": result.suffix(direction)}
         if end.status == "unbounded":
-            title = f"unbounded, these blocks wedge{reversal}"
-            wedged = result.wedged(end)
-            figures.append(figure_of_blocks(layout, wedged, None, title, suffix, sign))
+            told["marked"] = tuple(result.wedged(end).tolist())
+            views[direction] = view_of(layout, sign=end.sign).told(**told)
         elif end.state is not None and end.mode is not None and end.joints is not None:
-            view = view_of(layout, end.mode, end.joints, sign)
-            view = replace(view, caption=caption_of(end.status, end.engine))
-            shown.append(view)
-            elastic = layout.with_imposed(end.state).elastic
-            title = _title(end, reversal)
-            figures += figures_of_state(layout, view, elastic, title, "collapse", suffix)
-    falls = result.fall is not None
-    view = view_of(layout) if falls or not shown else shown[0]
-    return [*figures, Figure("scene", "scene", view, _whole(layout.scene, ""))]
+            stress = stress_raster(layout, layout.with_imposed(end.state).elastic)
+            views[direction] = replace(view_of_collapse(layout, end).told(**told), stress=stress)
+    title = plain(result.scene.title, LONGEST_TITLE)
+    return {name: view.told(title=title) for name, view in views.items()}
 
 
 @contextmanager
@@ -283,23 +250,20 @@ def _drawing(
     """
     comm = scene.comm
     formats = scene.output.formats
+    known: list[str] = []
     task: Future[list[str]] | None = None
-    if figures and comm.size == 1 and beside is not None and not isinstance(beside, InPlace):
+    if comm.size == 1 and beside is not None and not isinstance(beside, InPlace):
         task = beside.submit(draw_figures, figures, folder.absolute(), formats)
-    known: list[str] | None = None
-    if task is None:
-        known = []
-        for figure in figures:
-            if hurry():
-                break
-            with writing(comm):
-                known += draw_figures([figure], folder, formats) if comm.rank == 0 else []
+    for figure in figures if task is None else ():
+        if hurry():
+            break
+        with writing(comm):
+            known += draw_figures([figure], folder, formats) if comm.rank == 0 else []
     yield
     with writing(comm):
-        if task is not None:
-            with suppress(SolverError):  # the process ended: once more here
-                known = task.result()
-        if known is None:
+        try:
+            known += task.result() if task is not None else []
+        except SolverError:  # the process ended: once more here
             known = draw_figures(figures, folder, formats)
     for text in comm.bcast(known):
         lost.append(text)
@@ -322,63 +286,23 @@ def write_capacity(result: ByDirection, folder: Path) -> None:
             save_capacity(points, end, title, paths)
 
 
-def _title(end: Collapse, reversal: str) -> str:
-    """Status and load factor of a collapse and its bracket, rounded alike."""
-    status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    status += f"{end.searched.partition(',')[0]}, " if end.searched else ""
-    wide = end.gap is not None and end.gap > WIDE_GAP
-    reversal += f", gap {end.gap:.0e}" if wide else ""
-    factor = end.load_factor
-    bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
-    return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
-
-
 # ---- pictures of one state, or of blocks
 
 
-def _whole(scene: Scene, title: str) -> str:
-    """Title of a picture below that of its scene."""
-    return "\n".join(filter(None, (plain(scene.title, LONGEST_TITLE), title)))
-
-
-def figures_of_state(
-    layout: Layout, view: View, elastic: Array, title: str, motion: str, suffix: str = ""
-) -> list[Figure]:
-    """Motion, forces, stresses and lines of thrust of a state. Collective.
-
-    Args:
-        layout: Of the state.
-        view: What the pictures show.
-        elastic: Displacement without a large motion, this rank's part.
-        title: Of all pictures.
-        motion: Name of the picture of the motion.
-        suffix: What all names have behind them.
-    """
-    stressed = replace(view, stress=stress_raster(layout, elastic))
-    whole = _whole(layout.scene, title)
-    return [
-        Figure(f"{motion}{suffix}", "collapse", view, whole),
-        Figure(f"forces{suffix}", "forces", view, whole),
-        Figure(f"stress{suffix}", "stress", stressed, whole),
-        Figure(f"thrust{suffix}", "thrust", view, whole),
-    ]
-
-
-def figure_of_blocks(
-    layout: Layout,
-    blocks: Indices,
-    motion: Array | None,
-    title: str,
-    suffix: str = "",
-    sign: float = 1.0,
-) -> Figure:
-    """Some blocks among all, moved by rigid motions (a, b, c) by block. Collective.
-
-    `sign` is that of the live load.
-    """
-    mode = None if motion is None else layout.rigid_motion(motion)
-    view = replace(view_of(layout, mode, sign=sign), marked=blocks)
-    return Figure(f"collapse{suffix}", "marked", view, _whole(layout.scene, title))
+def title_of(end: Collapse) -> str:
+    """Status and load factor of a collapse and its bracket, rounded alike."""
+    reversal = ", live load reversed" * (end.sign < 0.0)
+    factor = end.load_factor
+    if end.status == "unstable":
+        return FALLS
+    if end.status == "unbounded":
+        return f"unbounded, these blocks wedge{reversal}"
+    status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
+    status += f"{end.searched.partition(',')[0]}, " if end.searched else ""
+    if math.isnan(factor):
+        return f"{status.rstrip(', ')}{reversal}"
+    bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
+    return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
 
 
 def write_service_state(
@@ -393,7 +317,7 @@ def write_service_state(
     Args:
         found: The state, or why there is none.
         layout: Of the state.
-        view: What pictures show; None where there is no state.
+        view: What pictures show; None where there is nothing.
         numbers: More of result.json.
         folder: Where to.
 
@@ -419,11 +343,12 @@ def write_service_state(
         **numbers,
     }
     figures: list[Figure] = []
-    if scene.output.pictures and found.fall is not None:
-        figures = [figure_of_blocks(layout, falling, found.fall, FALLS)]
-    if scene.output.pictures and state is not None and view is not None:
-        title = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"
-        figures += figures_of_state(layout, view, state.elastic, title, "state")
+    if scene.output.pictures and view is not None:
+        caption = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"
+        view = view.told(title=plain(scene.title, LONGEST_TITLE))
+        if state is not None:
+            view = replace(view.told(caption=caption), stress=stress_raster(layout, state.elastic))
+        figures = figures_of(view, "state")
     with filled_at_once(folder, RECORD, scene.comm) as hidden:
         with _drawing(figures, hidden, scene, record["warnings"]):
             if scene.output.paraview and state is not None and found.joint_values is not None:
@@ -546,7 +471,7 @@ def _meshed_record(result: Result, end: Collapse) -> Record:
     """What blocks with a mesh do in a collapse, and how it was found. Collective."""
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
-        moves = mechanism_record(block_view(result.layout, end.mode, end.joints, end.sign))
+        moves = mechanism_record(view_of_collapse(result.layout, end).blocks)
     history = end.history
     splitting = end.splitting
     method = history[-1].method if history else "auto"

@@ -18,7 +18,7 @@ import numpy as np
 from fenics_contact.discretization.forms import measures, stress_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError, checked, plain
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.lazily import fem
 from fenics_contact.output.fields import displacement_function, stress_raster
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (
@@ -33,7 +33,14 @@ from fenics_contact.output.plotting import (
     save,
     structure_figure,
 )
-from fenics_contact.output.view import View, block_view
+from fenics_contact.output.view import View
+from fenics_contact.results.result import Shown
+from fenics_contact.results.values import (
+    NamedArrays,
+    block_arrays,
+    joint_arrays,
+    tie_arrays,
+)
 
 #: Of a film: pictures per second, so that motion looks smooth and files stay small; part of the
 #: time at the end in which nothing moves; pixels per inch, for some 900 pixels of width; its
@@ -54,7 +61,7 @@ class MovingPicture:
 
 
 class Pictured(ABC):
-    """Pictures and stresses of a result, from what `_view` and `_elastic` say of it.
+    """Arrays, fields and pictures of a result, from what `_view` and `_shown` say of it.
 
     On several ranks all must call these methods; rank 0 draws and writes.
     """
@@ -70,11 +77,35 @@ class Pictured(ABC):
         """
 
     @abstractmethod
-    def _elastic(self) -> Array | None:
-        """Displacements that strain the blocks, this rank's part; None if there is no state.
+    def _shown(self) -> Shown:
+        """The state that arrays and fields show."""
 
-        They are in the supports' coordinates.
+    @property
+    def joints(self) -> NamedArrays:
+        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
+        return joint_arrays(self.layout, self._shown().values)
+
+    @property
+    def ties(self) -> NamedArrays:
+        """Arrays over the bars of all ties by name, the same on all ranks; see `tie_arrays`."""
+        return tie_arrays(self.layout, self._shown().values)
+
+    @property
+    def blocks(self) -> NamedArrays:
+        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`.
+
+        Collective: ask for motions on all ranks together.
         """
+        _, state, mode = self._shown()
+        return block_arrays(self.layout, None if state is None else state.displacement, mode)
+
+    @property
+    def displacement(self) -> fem.Function | None:
+        """Displacements at the state, m, a dolfinx function; None if there is none."""
+        state = self._shown().state
+        if state is None:
+            return None
+        return displacement_function(self.layout, state.displacement, "displacement")
 
     @checked
     def plot(self, axes: Any = None, scale: float = 1.0) -> Any:
@@ -106,13 +137,13 @@ class Pictured(ABC):
         """Axes with a picture, on rank 0. Collective."""
         check_axes(axes)
         view = self._scaled(scale)
-        if draw in (draw_forces, draw_thrust) and view.values is None:
+        if draw in (draw_forces, draw_thrust) and view.faces is None:
             raise SolverError("there are no joint forces to draw: no state was found")
         if draw is draw_stress:
-            elastic = self._elastic()
-            if elastic is None:
+            state = self._shown().state
+            if state is None:
                 raise SolverError("no stresses to draw: the blocks fall")
-            view = replace(view, stress=stress_raster(self.layout, elastic))
+            view = replace(view, stress=stress_raster(self.layout, state.elastic))
         if self.layout.scene.comm.rank != 0:
             return None
         return draw(new_axes() if axes is None else axes, view)
@@ -172,17 +203,12 @@ class Pictured(ABC):
             SolverError: If there is nothing to draw.
         """
         view = self._scaled(scale)
-        layout = self.layout
-        mode = np.zeros(layout.imposed.shape) if view.mode is None else view.mode
-        marked = tuple([] if view.marked is None else view.marked.tolist())
-        blocks = replace(block_view(layout, mode, view.values), marked=marked)
-        if layout.scene.comm.rank != 0:
+        if self.layout.scene.comm.rank != 0:
             return None
         from fenics_contact.output.report.html import viewer_frame
         from fenics_contact.output.report.viewer import viewer_page
 
-        moved = replace(blocks, motion=scale * blocks.motion)
-        return MovingPicture(viewer_frame(viewer_page({"positive": moved})))
+        return MovingPicture(viewer_frame(viewer_page({"positive": view.blocks})))
 
     def _repr_png_(self) -> bytes | None:
         """Motion and joint forces, for a notebook. Collective."""
@@ -191,7 +217,7 @@ class Pictured(ABC):
         except SolverError:
             return None
         file = io.BytesIO()
-        draws: list[Draw] = [draw_mode] if view.values is None else [draw_mode, draw_forces]
+        draws: list[Draw] = [draw_mode] if view.faces is None else [draw_mode, draw_forces]
         if self.layout.scene.comm.rank == 0:
             save(view, plain(repr(self)[1:-1]), [file], *draws)
         return file.getvalue()
@@ -203,11 +229,12 @@ class Pictured(ABC):
         It is that of the scene's plane state or stress law, of the part of the displacements that
         strains the blocks: beside a large motion the sum has fewer digits. Collective.
         """
-        values = self._elastic()
-        if values is None:
+        state = self._shown().state
+        if state is None:
             return None
-        layout = self.layout
-        return stress_of(displacement_function(layout, values, "elastic"), layout.law)
+        return stress_of(
+            displacement_function(self.layout, state.elastic, "elastic"), self.layout.law
+        )
 
     def measures(self) -> tuple[Any, Any]:
         """UFL's dx over the blocks and ds over their edges, both faces of joints among these.

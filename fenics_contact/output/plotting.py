@@ -10,22 +10,24 @@ from __future__ import annotations
 import io
 import sys
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import InputError, check_like, plain
-from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.fields import facet_contact, principal_stresses
-from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
-from fenics_contact.output.view import Loads, View, outlines
+from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.output.fields import principal_stresses
+from fenics_contact.output.thrust import LOADED, Resultants, ThrustLines, thrust_lines
+from fenics_contact.output.view import AT_REST, Loads, View
+from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.values import Contact, TieState
+from fenics_contact.results.values import TieState
 from fenics_contact.scene.units import rounded_alike
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
@@ -52,11 +54,23 @@ LEGIBLE = 60
 #: all, and crosses are drawn from this part of it.
 PER_CROSS, LARGEST, LEAST = 8, 0.98, 0.1
 FORCE = "#7b2d8b"
+#: Colours of contacts, and what they do; those that do nothing are thin.
+MARKS: Mapping[int, tuple[str, str]] = {
+    ContactState.STICK: (BLACK, "closed"),
+    AT_REST: (PALE_ORANGE, "open, at rest"),
+    ContactState.ROCKS: (ORANGE, "opens along an edge"),
+    ContactState.OPEN: (VERMILLION, "opens"),
+    ContactState.SLIP: (BLUE, "slides"),
+    ContactState.CRUSHES: (FORCE, "crushes"),
+}
+QUIET = ContactState.STICK, AT_REST
 #: Length of the strokes below what does not move, over the structure's size, and their number.
 STROKE, STROKES = 0.018, 40
 #: Colours of joint groups, repeated if there are more, of the dead load and of foundations.
 GROUPS = (BLUE, ORANGE, "#56B4E9", "#CC79A7", "#009E73")
 DEAD, HELD = "0.45", "#5b4636"
+#: Blocks that fall or wedge, and ground.
+FALLS, GROUND = (0.93, 0.75, 0.45), (0.86, 0.85, 0.83)
 
 #: Draws on axes what a view shows.
 Draw = Callable[[Any, View], Any]
@@ -69,14 +83,8 @@ def draw_mode(axes: Any, view: View) -> Any:
     """
     if view.marked is not None:
         return draw_marked(axes, view)
-    frame(axes, view, view.moved)
-    size = np.zeros(len(view.centre))
-    np.maximum.at(size, view.boundary.body, np.linalg.norm(view.motion, axis=2).max(axis=1))
-    share = (size / (size.max() or 1.0))[:, None]
-    shade = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25) * (1.0 - tints(view))
-    draw_outlines(axes, view, view.rest, facecolor="none", edgecolor="0.7")
-    draw_outlines(axes, view, view.moved, facecolor=shade)
-    entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.tie_motion)]
+    draw_moved(axes, view)
+    entries = [*draw_joints(axes, view), *draw_ties(axes, view, 1.0)]
     entries += draw_load(axes, view, view.live, BLACK, "live load")
     draw_bar(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
@@ -87,18 +95,23 @@ def draw_mode(axes: Any, view: View) -> Any:
 
 def draw_marked(axes: Any, view: View) -> Any:
     """The marked blocks, shaded and with their numbers, among all, displaced as the view says."""
-    blocks = np.empty(0, dtype=np.int64) if view.marked is None else view.marked
-    frame(axes, view, view.moved)
-    shade = np.full((len(view.centre), 3), 0.92)
-    shade[blocks] = (0.93, 0.75, 0.45)
-    draw_outlines(axes, view, view.rest, facecolor="none", edgecolor="0.7")
-    draw_outlines(axes, view, view.moved, facecolor=shade)
+    draw_moved(axes, view)
     style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
-    for block in blocks[:LEGIBLE]:
-        place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
-        axes.text(*place, str(block), **style)
+    for block in [] if view.marked is None else view.marked[:LEGIBLE].tolist():
+        axes.text(*view.moved[view.block == block].mean(axis=0), str(block), **style)
     axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
     return axes
+
+
+def draw_moved(axes: Any, view: View) -> None:
+    """Blocks displaced, and at rest."""
+    frame(axes, view, view.moved)
+    size = np.zeros(len(view.fixed))
+    if view.marked is None:
+        np.maximum.at(size, view.block, np.linalg.norm(view.motion, axis=1))
+    shade = shades(view.material, size / (size.max() or 1.0), view.fixed, view.marked)
+    draw_outlines(axes, view, view.rest, facecolor="none", edgecolor="0.7")
+    draw_outlines(axes, view, view.moved, facecolor=shade)
 
 
 def draw_forces(axes: Any, view: View) -> Any:
@@ -109,15 +122,16 @@ def draw_forces(axes: Any, view: View) -> Any:
     of ties stand beside their bars.
 
     Raises:
-        ValueError: If the view has no joint values.
+        ValueError: If the view has no joint forces.
     """
-    faces = face_resultants(view.joints, view.values)
-    total = faces.force[faces.acting] * (view.thickness or 1.0)
-    centre = faces.centre[faces.acting]
+    faces = known_faces(view)
+    size = np.linalg.norm(faces.force, axis=1) * (view.thickness or 1.0)
+    acts = size > LOADED * size.max(initial=0.0)
+    size, centre = size[acts], faces.centre[acts]
+    total = faces.force[acts] * (view.thickness or 1.0)
     frame(axes, view)
     draw_outlines(axes, view, view.rest)
     if len(total):
-        size = np.linalg.norm(total, axis=1)
         largest = float(size.max())
         typical = float(np.quantile(size, 0.9)) / (1.2 * view.block_size)
         per_metre = nice(1.5 * max(typical, largest / (0.35 * view.size)))
@@ -130,10 +144,10 @@ def draw_forces(axes: Any, view: View) -> Any:
         unit = "N" if view.thickness else "N/m"
         text = f"{force_text(force, unit)}   (1 m = {force_text(per_metre, unit)})"
         draw_bar(axes, view, force / per_metre, text, FORCE)
-    if view.ties is not None:
+    if "force" in view.ties:
         legend(axes, draw_ties(axes, view))
         style = {"fontsize": 8, "color": GREEN, "ha": "center", "va": "bottom", **_halo()}
-        for ends, force in zip(view.ties.bars.sides, view.ties.force, strict=True):
+        for ends, force in zip(view.ties["ends"], view.ties["force"], strict=True):
             along = ends[1] - ends[0]
             angle = np.degrees(np.arctan2(along[1], along[0]))
             style |= {"rotation": angle - 180.0 * np.round(angle / 180.0)}
@@ -151,7 +165,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
     Those that do not reach the ground are left out, and all where most do not.
 
     Raises:
-        ValueError: If the view has no joint values.
+        ValueError: If the view has no joint forces.
     """
     lines = whole_thrust(view)
     frame(axes, view)
@@ -181,9 +195,20 @@ def whole_thrust(view: View) -> ThrustLines:
     """Lines of thrust that reach the ground, none where most do not.
 
     Raises:
-        ValueError: If the view has no joint values.
+        ValueError: If the view has no joint forces.
     """
-    return thrust_lines(face_resultants(view.joints, view.values), view.centre)
+    return thrust_lines(known_faces(view), view.centre)
+
+
+def known_faces(view: View) -> Resultants:
+    """Resultants of the joint forces.
+
+    Raises:
+        ValueError: If the view has none.
+    """
+    if view.faces is None:
+        raise ValueError("there are no joint forces: no state was found")
+    return view.faces
 
 
 def draw_stress(axes: Any, view: View) -> Any:
@@ -265,22 +290,20 @@ def draw_capacity(
 
 def draw_scene(axes: Any, view: View) -> Any:
     """Blocks by material, groups with a role, ties and loads, each by its name."""
-    roles = view.roles
-    points = view.rest.reshape(-1, 2)
     room = 1.5 * STROKE * view.size  # for strokes outside the structure
-    around = np.stack([points.min(axis=0) - room, points.max(axis=0) + room])
-    frame(axes, view, *arrow_ends(view, view.dead), around)
+    frame(axes, view, *arrow_ends(view, view.dead), view.rest - room, view.rest + room)
     draw_outlines(axes, view, view.rest)
     entries = [*_joint_entries(axes, view), *_held_entries(axes, view)]
-    if view.ties is not None:
-        for ends in view.ties.bars.sides:
-            (line,) = axes.plot(*ends.T, marker="s", ms=4.0, color=GREEN, lw=1.6, zorder=4)
-        names = ", ".join(roles.ties)
+    for ends in view.ties["ends"]:
+        (line,) = axes.plot(*ends.T, marker="s", ms=4.0, color=GREEN, lw=1.6, zorder=4)
+    if len(view.ties["ends"]):
+        told = list(dict.fromkeys(view.ties.get("name", ())))
+        names = ", ".join(told)
         names = names if len(names) <= 40 else f"{names[:36]} ..."
-        entries.append((f"tie{'s' * (len(roles.ties) > 1)} {names}", line))
+        entries.append((f"tie{'s' * (len(told) > 1)} {names}", line))
     for named, arrows, colour, label in (
-        (roles.dead, view.dead, DEAD, "dead load"),
-        (roles.live, view.live, BLACK, "live load"),
+        (view.dead_names, view.dead, DEAD, "dead load"),
+        (view.live_names, view.live, BLACK, "live load"),
     ):
         entries += draw_load(axes, view, arrows, colour, label)
         style = {"fontsize": 9, "color": colour, "ha": "center", "va": "center", **_halo()}
@@ -301,38 +324,31 @@ def _halo() -> dict[str, Any]:
 
 def _joint_entries(axes: Any, view: View) -> Iterator[Any]:
     """Joints between blocks by group, drawn if there is more than one group."""
-    joints = view.joints
-    between = joints.bodies[joints.segments[:, 0], 0] != GROUND if len(joints.segments) else []
-    segments = joints.segments[between]
-    law = joints.law[segments[:, 0]]
-    found = np.unique(law)
+    group = view.lines.group
+    found = np.unique(group[group >= 0])
     width = max(1.8 * fineness(axes, view), 0.8)
     for rank, number in enumerate(found if len(found) > 1 else []):
         colour = GROUPS[rank % len(GROUPS)]
-        add_lines(axes, joints.position[segments[law == number]], colors=colour, linewidths=width)
+        add_lines(axes, view.lines.ends[group == number], colors=colour, linewidths=width)
         line = axes.plot([], [], color=colour, lw=2.0)[0]
-        yield f"joints {joints.names[number]}", line
+        yield f"joints {view.lines.groups[number]}", line
 
 
 def _held_entries(axes: Any, view: View) -> Iterator[Any]:
     """Edges on foundations and supports, with oblique strokes on the side of what does not move."""
-    boundary = view.boundary
-    for rank, (name, kind) in enumerate(view.roles.held):
-        mine = boundary.in_group(name)
-        if not np.any(mine):
-            continue
-        colour = HELD if kind == "foundation" else VERMILLION
+    for rank, held in enumerate(view.held):
+        colour = HELD if held.kind == "foundation" else VERMILLION
         style: dict[str, Any] = {"colors": colour, "zorder": 3}
         dashes = ("-", (0, (5, 1)), (0, (1, 1)), (0, (4, 1, 1, 1)))[rank % 4]
-        add_lines(axes, view.rest[mine], linewidths=2.8, linestyles=dashes, **style)
+        add_lines(axes, held.ends, linewidths=2.8, linestyles=dashes, **style)
         strokes = []
-        for (start, end), normal in zip(view.rest[mine], boundary.normal[mine], strict=True):
+        for (start, end), normal in zip(held.ends, held.normal, strict=True):
             count = max(round(float(np.linalg.norm(end - start)) * STROKES / view.size), 1)
             foot = start + (np.arange(count) + 0.5)[:, None] / count * (end - start)
             oblique = normal - np.array([-normal[1], normal[0]])
             strokes.append(np.stack([foot, foot + STROKE * view.size * oblique], axis=1))
         add_lines(axes, np.concatenate(strokes), linewidths=0.7, **style)
-        yield f"{kind} {name}", axes.plot([], [], color=colour, lw=2.8, ls=dashes)[0]
+        yield f"{held.kind} {held.name}", axes.plot([], [], color=colour, lw=2.8, ls=dashes)[0]
 
 
 # ---- parts of pictures
@@ -340,8 +356,8 @@ def _held_entries(axes: Any, view: View) -> Iterator[Any]:
 
 def extent(view: View, *more: Array) -> Array:
     """Corners, low and high, m, of the blocks at rest, arrows of loads, more points, a margin."""
-    ties = [] if view.ties is None else [view.ties.bars.sides]
-    tables = [view.rest, *ties, *more, *arrow_ends(view, view.live)]
+    moves = view.rest[~view.fixed[view.block]]
+    tables = [moves, view.ties["ends"], *more, *arrow_ends(view, view.live)]
     points = np.concatenate([table.reshape(-1, 2) for table in tables])
     margin = 0.02 * view.size
     return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
@@ -376,29 +392,35 @@ def add_lines(axes: Any, segments: Array, **style: Any) -> None:
     axes.add_collection(LineCollection(segments, **style))
 
 
-def tints(view: View) -> Array:
-    """Colour of every block by its material, RGB."""
+def shades(group: Indices, share: Array, fixed: Flags, marked: Any = None) -> Array:
+    """Colours of blocks by group, the paler the less they move, RGB; of ground, and marked ones."""
     from matplotlib.colors import to_rgb
 
-    return np.array([to_rgb(tint) for tint in TINTS])[view.material % len(TINTS)]
+    tint = np.array([to_rgb(tint) for tint in TINTS])[group % len(TINTS)]
+    colours = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25)[:, None] * (1.0 - tint)
+    colours[[] if marked is None else list(marked)] = FALLS
+    return np.where(fixed[:, None], GROUND, colours)
 
 
-def draw_outlines(axes: Any, view: View, ends: Array, **style: Any) -> Any:
-    """Closed paths around all blocks, for given ends of the facets, by material; the artist."""
+def draw_outlines(axes: Any, view: View, places: Array, **style: Any) -> Any:
+    """Closed paths around all blocks, for given places of the corners, by material; the artist."""
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
+    first = np.flatnonzero(np.diff(view.loop, prepend=-1))
+    loops = zip(view.block[first].tolist(), np.split(places, first[1:]), strict=True)
     paths = [
-        Outline.make_compound_path(*(Outline([*loop, loop[0]], closed=True) for loop in of_body))
-        for of_body in outlines(view.boundary, ends)
+        Outline.make_compound_path(*(Outline([*loop, loop[0]], closed=True) for _, loop in of_body))
+        for _, of_body in groupby(loops, key=itemgetter(0))
     ]
-    style = {"facecolor": tints(view), "edgecolor": "0.4", "linewidth": 0.5} | style
+    shade = shades(view.material, np.ones(len(view.fixed)), view.fixed)
+    style = {"facecolor": shade, "edgecolor": "0.4", "linewidth": 0.5} | style
     return axes.add_collection(PathCollection(paths, **style))
 
 
 def material_entries(axes: Any, view: View) -> list[Any]:
     """Entries of a legend for the materials that occur, if there is more than one."""
-    found = np.unique(view.material)
+    found = np.unique(view.material[~view.fixed])
     style = {"marker": "s", "ms": 10.0, "mec": "0.4", "ls": "none"}
     entries = [
         axes.plot([], [], color=TINTS[n % len(TINTS)], label=view.materials[n], **style)[0]
@@ -408,53 +430,45 @@ def material_entries(axes: Any, view: View) -> list[Any]:
 
 
 def draw_joints(axes: Any, view: View) -> list[Any]:
-    """Joint facets by what they do, between their displaced sides; entries of a legend."""
-    if view.values is None:
+    """Where blocks meet, by what they do there, between displaced sides; entries of a legend."""
+    if view.faces is None:
         return []
-    joints = view.joints
-    position = joints.position + view.joint_motion
-    state = facet_contact(view.values, joints.segments)
-    opens = np.any(view.values.opens[joints.segments], axis=1) & (state == Contact.OPEN)
+    lines = view.lines
     fine = fineness(axes, view)
     thin = 0.8 * max(fine, 0.5)
     wide = max(2.6 * fine, 1.4)
-    core = [("white", 0.3 * wide)] if fine > 0.7 else []  # two lines where they can be seen
     entries: list[Any] = []
-    for label, chosen, strokes in (
-        ("closed", state == Contact.STICK, [(BLACK, thin)]),
-        ("open, at rest", (state == Contact.OPEN) & ~opens, [(PALE_ORANGE, thin)]),
-        ("opens", opens, [(ORANGE, wide)]),
-        ("slides", state == Contact.SLIP, [(BLUE, wide), *core]),
-    ):
+    for state, (colour, label) in MARKS.items():
+        chosen = lines.state == state
         if not np.any(chosen):
             continue
-        for colour, width in strokes:
-            add_lines(axes, position[joints.segments[chosen]], colors=colour, linewidths=width)
-        lines = [axes.plot([], [], color=colour, lw=width)[0] for colour, width in strokes]
-        entries.append((label, tuple(lines)))
-    points = view.values.hinges(joints.neighbours)
-    if len(points):
+        strokes = [(colour, thin if state in QUIET else wide)]
+        if state == ContactState.SLIP and fine > 0.7:  # two lines where they can be seen
+            strokes.append(("white", 0.3 * wide))
+        for stroke, width in strokes:
+            ends = lines.ends[chosen] + lines.motion[chosen]
+            add_lines(axes, ends, colors=stroke, linewidths=width)
+        drawn = [axes.plot([], [], color=stroke, lw=width)[0] for stroke, width in strokes]
+        entries.append((label, tuple(drawn)))
+    if len(view.hinges):
         style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
-        entries += axes.plot(*position[points].T, "o", label="hinge", **style)
+        entries += axes.plot(*view.hinges.sum(axis=1).T, "o", label="hinge", **style)
     return entries
 
 
-def draw_ties(axes: Any, view: View, motion: Array | float = 0.0) -> list[Any]:
-    """Ties, displaced by a motion, (bars, 2, 2), by what they do; entries of a legend."""
-    if view.ties is None:
-        return []
+def draw_ties(axes: Any, view: View, share: float = 0.0) -> list[Any]:
+    """Ties, displaced by a part of their motion, by what they do; entries of a legend."""
     entries: list[Any] = []
     for label, state, style in (
         ("tie yields", TieState.YIELDS, {"lw": 2.6, "ls": "-"}),
         ("tie", TieState.ELASTIC, {"lw": 1.4, "ls": "-"}),
         ("tie slack", TieState.SLACK, {"lw": 1.2, "ls": (0, (4, 3))}),
     ):
-        ends = (view.ties.bars.sides + motion)[view.ties.state == state]
-        for tie in ends:
+        ends = view.ties["ends"] + share * view.ties["motion"]
+        for tie in ends[view.ties["state"] == state] if "state" in view.ties else ():
             (line,) = axes.plot(*tie.T, marker="s", ms=4.0, color=GREEN, zorder=4, **style)
-        if len(ends):
             entries.append((label, line))
-    return entries
+    return list(dict(entries).items())
 
 
 def legend(axes: Any, entries: Sequence[Any]) -> None:

@@ -20,11 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.layout import straight_faces
+from fenics_contact.discretization.joints import GROUND
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.values import JointValues
+from fenics_contact.results.block_view import BlockView, ContactState
 
 #: Distance of the ends of two faces that touch, over the structure's size.
 TOUCHING = 1e-6
@@ -53,7 +52,6 @@ class Resultants(NamedTuple):
         normal: Unit normal from first to second body, shape (faces, 2).
         ends: Ends of the faces, m, shape (faces, 2, 2).
         loaded: Whether they are pressed, shape (faces,).
-        acting: Whether they carry a force, pressed or pulled, shape (faces,).
         parts: Whether most points open in the collapse mode and none carries force, shape (faces,).
     """
 
@@ -64,52 +62,35 @@ class Resultants(NamedTuple):
     normal: Array
     ends: Array
     loaded: Flags
-    acting: Flags
     parts: Flags
 
 
-def face_resultants(joints: Joints, values: JointValues | None) -> Resultants:
-    """Resultants of joint forces on all faces, loaded or not.
-
-    Raises:
-        ValueError: If there are no values.
-    """
-    if values is None:
-        raise ValueError("there are no joint forces: no state was found")
-    faces = straight_faces(joints)
-    columns = (
-        values.normal_force,
-        values.opens - 0.5,
-        values.bond,
-        *values.force(joints.normal, joints.tangent).T,
-        *(values.normal_force[:, None] * joints.position).T,
-    )
-    normal_force, opens, bond, *sums = (
-        np.bincount(faces.of_point, column, len(faces.ends)).astype(float) for column in columns
-    )
+def face_resultants(view: BlockView) -> Resultants:
+    """Resultants of the forces on all faces in the plane, loaded or not, but between grounds."""
+    at = view.touching
+    bodies = np.where(np.append(view.bodies.fixed, True)[at.pairs], GROUND, at.pairs)
+    columns = (at.pressing, *at.force[:, ::2].T, *(at.pressing[:, None] * at.position[:, ::2]).T)
+    normal_force, *sums = map(at.sums, columns)
     force = np.column_stack(sums[:2])
-    ends = joints.position[faces.ends]
+    ends = at.ends
     middle = ends.mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = np.column_stack(sums[2:]) / normal_force[:, None]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    inside = np.linalg.norm(centre - middle, axis=1) <= half
-    pressed = (normal_force > 0.0) & ((bond <= 0.0) | inside)
+    inside = np.linalg.norm(centre - middle, axis=1) <= (1.0 + TOUCHING) * half
     loaded = normal_force > LOADED * normal_force.max(initial=0.0)
-    size = np.linalg.norm(force, axis=1)
-    pulled = (bond > 0.0) & (size > LOADED * size.max(initial=0.0))
-    first = faces.ends[:, 0]
-    return Resultants(
-        bodies=np.asarray(joints.bodies[first], dtype=np.int64),
+    opens = np.isin(view.contacts.state, (ContactState.OPEN, ContactState.ROCKS))
+    found = Resultants(
+        bodies=bodies,
         force=force,
         normal_force=normal_force,
-        centre=np.where(pressed[:, None], centre, middle),
-        normal=joints.normal[first],
+        centre=np.where(((normal_force > 0.0) & inside)[:, None], centre, middle),
+        normal=at.normal[:, ::2],
         ends=ends,
         loaded=loaded,
-        acting=loaded | pulled,
-        parts=(opens > 0.0) & ~loaded,
+        parts=opens & ~loaded,
     )
+    return Resultants(*(column[np.any(bodies != GROUND, axis=1)] for column in found))
 
 
 class ThrustLines(NamedTuple):

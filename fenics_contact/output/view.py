@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout, straight_faces
 from fenics_contact.discretization.loads import (
     floor_strips,
@@ -20,17 +20,27 @@ from fenics_contact.discretization.loads import (
     forces_on_facets,
     weights_of_floors,
 )
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.output.fields import (
     StressRaster,
     at_nodes,
     at_sides,
+    facet_contact,
     material_numbers,
     middle,
     mode_scale,
 )
-from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
-from fenics_contact.results.values import JointValues, TieValues, tie_arrays, tie_values
+from fenics_contact.output.thrust import Resultants, face_resultants
+from fenics_contact.results.block_view import (
+    CRUSHES,
+    NOTHING,
+    BlockView,
+    Bodies,
+    Contacts,
+    ContactState,
+)
+from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import JointValues, falling_blocks, tie_arrays
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
@@ -67,6 +77,11 @@ class Loads(NamedTuple):
     body: Arrows
 
 
+#: Title of blocks that fall.
+FALLS = "does not stand under its dead load"
+#: State of a joint facet that is open at rest, and opens no further.
+AT_REST = -1
+NONE = np.empty(0, dtype=np.int64)
 NOWHERE = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
 NO_LOAD = Loads(NOWHERE, NOWHERE, NOWHERE)
 
@@ -85,20 +100,41 @@ class BlockLabels(NamedTuple):
     away: Array
 
 
-class Roles(NamedTuple):
-    """What a scene calls its parts.
+NO_NAMES = BlockLabels((), np.empty((0, 2)), np.empty((0, 2)))
+
+
+class Lines(NamedTuple):
+    """Where blocks meet, in straight pieces.
 
     Attributes:
-        held: Groups that do not move, and what holds them.
-        ties: Names of ties.
-        live: Where the live load acts.
-        dead: Where the dead load acts.
+        ends: At rest, m, shape (lines, 2, 2).
+        motion: Displacements of these, mean of both sides, scaled, m, shape (lines, 2, 2).
+        state: A `ContactState`, or `AT_REST`, shape (lines,).
+        group: Of the law, as an index into `groups`; below 0 on the ground; none: not known.
+        groups: Names.
     """
 
-    held: tuple[tuple[str, str], ...]
-    ties: tuple[str, ...]
-    live: BlockLabels
-    dead: BlockLabels
+    ends: Array
+    motion: Array
+    state: Indices
+    group: Indices = NONE
+    groups: tuple[str, ...] = ()
+
+
+class Held(NamedTuple):
+    """Edges that do not move.
+
+    Attributes:
+        name: Of their group.
+        kind: What holds them.
+        ends: m, shape (edges, 2, 2).
+        normal: Out of the blocks, shape (edges, 2).
+    """
+
+    name: str
+    kind: str
+    ends: Array
+    normal: Array
 
 
 class Caption(NamedTuple):
@@ -120,33 +156,30 @@ UNVERIFIED = Caption("motion, not verified", "of a state that is not verified")
 BY_FACES = Caption("collapse mode", "of the certified state", "under the certified joint forces")
 
 
-def caption_of(status: str, engine: str) -> Caption:
-    """Titles for a collapse with this status, found by this engine."""
-    verified = BY_FACES if engine == "faces" else COLLAPSE
-    return verified if status == "limit" else UNVERIFIED
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class View:
-    """What pictures of a structure show, alike on all ranks.
+    """What pictures of a structure in the plane show, alike on all ranks.
 
     Attributes:
-        boundary: Facets of the blocks.
-        joints: Joint points.
-        values: Forces, openings and slips of a collapse; None where there is none.
-        rest: Ends of the facets at rest, m, shape (facets, 2, 2).
-        motion: Displacements of the facets' ends in the mode, scaled, m, shape (facets, 2, 2).
-        joint_motion: Those of the joint points, mean of both sides, shape (points, 2).
+        blocks: What moves, and the forces of contacts; files of pictures do not have it.
+        rest: Corners of the blocks at rest, m, shape (corners, 2).
+        motion: Displacements of these, scaled, m, shape (corners, 2).
+        loop: Number of the closed loop that a corner is on, ascending, shape (corners,).
+        block: Number of a corner's block, ascending, shape (corners,).
+        fixed: Whether a block is ground, shape (blocks,).
         centre: Centre of area of every block, m, shape (blocks, 2).
         block_size: Side of a square with the mean area of the blocks, m.
         material: Number of the material of every block, as an index into `materials`.
         materials: Names.
+        lines: Where blocks meet.
+        hinges: Places at rest, and displacements, m, shape (hinges, 2, 2).
+        faces: Resultants of the forces there; None where none are known.
+        ties: Ends, (bars, 2, 2), their displacements, names; with forces these and states, too.
         live: Live load, as it acts.
         dead: Dead load.
-        ties: Ties with their forces; None where there are none, or no values.
-        tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
-        roles: Names of what has a role in the scene.
-        mode: What moves the blocks, this rank's part in the supports' coordinates; None: nothing.
+        live_names: What the live load acts on.
+        dead_names: What the dead load acts on.
+        held: What does not move.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
@@ -154,22 +187,25 @@ class View:
         thickness: Of the structure, m; None where forces are told per metre of it.
     """
 
-    boundary: Boundary
-    joints: Joints
-    values: JointValues | None
+    blocks: BlockView
     rest: Array
     motion: Array
-    joint_motion: Array
+    loop: Indices
+    block: Indices
+    fixed: Flags
     centre: Array
     block_size: float
     material: Indices
     materials: tuple[str, ...]
+    lines: Lines
+    hinges: Array
+    faces: Resultants | None
+    ties: Mapping[str, Any]
     live: Loads
-    dead: Loads
-    ties: TieValues | None
-    tie_motion: Array
-    roles: Roles
-    mode: Array | None = None
+    dead: Loads = NO_LOAD
+    live_names: BlockLabels = NO_NAMES
+    dead_names: BlockLabels = NO_NAMES
+    held: tuple[Held, ...] = ()
     scale: float = 1.0
     caption: Caption = COLLAPSE
     marked: Indices | None = None
@@ -178,18 +214,70 @@ class View:
 
     def scaled(self, factor: float) -> View:
         """The view with displacements so many times as large."""
-        moving = ("motion", "joint_motion", "tie_motion", "scale")
-        return replace(self, **{name: factor * getattr(self, name) for name in moving})
+        return replace(
+            self,
+            blocks=replace(self.blocks, motion=factor * self.blocks.motion),
+            motion=factor * self.motion,
+            lines=self.lines._replace(motion=factor * self.lines.motion),
+            hinges=self.hinges * [[1.0], [factor]],
+            ties={**self.ties, "motion": factor * self.ties["motion"]},
+            scale=factor * self.scale,
+        )
+
+    def told(self, **changes: Any) -> View:
+        """The view with other titles, suffix or marked blocks (`BlockView`)."""
+        marked = np.array(changes["marked"]) if "marked" in changes else self.marked
+        return replace(self, blocks=replace(self.blocks, **changes), marked=marked)
 
     @cached_property
     def size(self) -> float:
         """Width or height of the structure, whichever is larger, m."""
-        return float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
+        return float(np.ptp(self.rest[~self.fixed[self.block]], axis=0).max())
 
     @property
     def moved(self) -> Array:
-        """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
+        """Corners, displaced by the mode, m, shape (corners, 2)."""
         return self.rest + self.motion
+
+
+def planar(blocks: BlockView, known: bool, **more: Any) -> View:
+    """What pictures show of blocks in the plane, whose contact forces may be known.
+
+    What is known better than by rigid blocks and their contacts comes as attributes of a `View`.
+    """
+    bodies = blocks.bodies
+    at = blocks.touching
+    loops = [bodies.sides[side] for side in np.flatnonzero(bodies.normal[:, 1] < -0.5)]  # in front
+    corners = np.concatenate(loops)
+    ends = _lifted(at.ends)
+    sides = [blocks.displacements(ends, side[:, None].repeat(2, axis=1)) for side in at.pairs.T]
+    motion = 0.5 * np.sum(sides, axis=0)
+    push = Arrows(blocks.push[:1, ::2], np.diff(blocks.push[:, ::2], axis=0), np.array([True]))
+    given: dict[str, Any] = {
+        "motion": blocks.displacement[corners, ::2],
+        "materials": bodies.group_names,
+        "material": bodies.group,
+        "lines": Lines(at.ends, motion[..., ::2], blocks.contacts.state),
+        "hinges": np.empty((0, 2, 2)),
+        "live": Loads(NOWHERE, NOWHERE, push) if blocks.push.any() else NO_LOAD,
+        "marked": np.array(blocks.marked, dtype=np.int64) if blocks.marked else None,
+    }
+    return View(
+        blocks=blocks,
+        rest=bodies.corner[corners, ::2],
+        loop=np.repeat(np.arange(len(loops)), list(map(len, loops))),
+        block=bodies.block[corners],
+        fixed=bodies.fixed,
+        centre=bodies.centroid[:, ::2],
+        block_size=float(np.sqrt(bodies.volume[~bodies.fixed].mean())),
+        faces=face_resultants(blocks) if known else None,
+        ties={
+            "ends": blocks.tie_ends[..., ::2],
+            "motion": (blocks.moved_ties - blocks.tie_ends)[..., ::2],
+            **blocks.ties,
+        },
+        **(given | more),
+    )
 
 
 def view_of(
@@ -198,48 +286,103 @@ def view_of(
     values: JointValues | None = None,
     sign: float = 1.0,
 ) -> View:
-    """What pictures show of a structure, of a mode of it and of its joint values. Collective.
+    """What pictures show of a meshed structure, of a mode of it and of its joint values.
 
-    `mode` is this rank's part in the supports' coordinates; `sign` is -1 where the live load is
-    reversed.
+    Collective. `mode` is this rank's part in the supports' coordinates; `sign` is -1 where the live
+    load is reversed.
     """
+    scene = layout.scene
     boundary = layout.boundary
     joints = layout.joints.without_ties()
-    count = len(joints.nodes)
-    scale = 1.0
-    motion = np.zeros((len(boundary.nodes), 2, 2))
-    sides = np.zeros((len(layout.joints.nodes), 2, 2))
-    if mode is not None:
-        scale = mode_scale(layout, mode)
-        motion = scale * at_nodes(layout, mode, boundary.nodes[:, :2])
-        sides = scale * at_sides(layout, mode)
-    scene = layout.scene
+    mode = np.zeros(layout.imposed.shape) if mode is None else mode
+    scale = mode_scale(layout, mode)
+    rest = boundary.points[:, :2]
+    moved = rest + scale * at_nodes(layout, mode, boundary.nodes[:, :2])
+    # Corners at rest, and displaced, m, shape (corners, 4), by block and loop.
+    flat = STRAIGHT * float(np.ptp(rest.reshape(-1, 2), axis=0).max())
+    loops = [
+        [_corners(loop, flat) for loop in of_body]
+        for of_body in outlines(boundary, np.concatenate([rest, moved], axis=2))
+    ]
+    corners = np.vstack([loop for of_body in loops for loop in of_body])
+    joint_motion = middle(joints, scale * at_sides(layout, mode)[: joints.joint_count])
+    points = NONE if values is None else values.first(len(joints.law)).hinges(joints.neighbours)
+    material = body_materials(layout)
+    materials = tuple(scene.materials)
     live = _loads(layout, "live", sign)
     dead = _loads(layout, "dead", 1.0)
-    held = [(name, "foundation") for name in scene.foundations]
-    held += [(name, f"support ({kind})") for name, kind in scene.supports.items()]
-    labels = _labels(layout, "live", live), _labels(layout, "dead", dead)
-    ties = None if values is None else tie_values(layout.joints, values)
-    return View(
-        boundary=boundary,
-        joints=joints,
-        values=values and values.first(count),
-        rest=boundary.points[:, :2],
-        motion=motion,
-        joint_motion=middle(joints, sides[:count]),
-        centre=layout.centroid,
-        block_size=float(np.sqrt(layout.bodies_area() / len(layout.centroid))),
-        material=body_materials(layout),
-        materials=tuple(scene.materials),
+    kinds = dict.fromkeys(scene.foundations, "foundation")
+    kinds |= {name: f"support ({kind})" for name, kind in scene.supports.items()}
+    edges = {name: boundary.in_group(name) for name in kinds}
+    ties = {name: np.asarray(array) for name, array in tie_arrays(layout, values).items()}
+    blocks = BlockView(
+        bodies=Bodies(
+            names=[""] * len(material),
+            groups=[materials[number] for number in material],
+            fixed=np.zeros(len(material), dtype=bool),
+            centroid=_lifted(layout.centroid),
+            volume=boundary.areas(layout.bodies.centre),
+            pieces=[_outline(of_body) for of_body in loops],
+            of_piece=np.arange(len(material)),
+            dimension=2,
+        ),
+        touching=_contacts(joints, values),
+        live=sign * _about(layout, layout.bodies.live) @ LIFTED,
+        motion=scale * layout.centroid_motions(mode) @ LIFTED,
+        tie_ends=_lifted(ties.get("ends", np.empty((0, 2, 2)))),
+        tie_blocks=ties.get("blocks", np.empty((0, 2), dtype=np.int64)),
+        ties=ties,
+    )
+    return planar(
+        blocks,
+        known=values is not None,
+        motion=corners[:, 2:] - corners[:, :2],
+        material=material,
+        materials=materials,
+        lines=_lines(joints, values, joint_motion),
+        hinges=np.stack([joints.position[points], joint_motion[points]], axis=1),
         live=live,
         dead=dead,
-        ties=ties,
-        tie_motion=sides[count:][: 0 if ties is None else len(ties.force)],
-        roles=Roles(tuple(held), tuple(scene.ties), *labels),
-        mode=mode,
+        live_names=_labels(layout, "live", live),
+        dead_names=_labels(layout, "dead", dead),
+        held=tuple(
+            Held(name, kinds[name], rest[mine], boundary.normal[mine])
+            for name, mine in edges.items()
+            if np.any(mine)
+        ),
         scale=scale,
         thickness=scene.thickness,
     )
+
+
+def view_of_collapse(layout: Layout, end: Collapse) -> View:
+    """What pictures show of a collapse. Collective."""
+    view = view_of(layout, end.mode, end.joints, end.sign)
+    verified = BY_FACES if end.engine == "faces" else COLLAPSE
+    return replace(view, caption=verified if end.status == "limit" else UNVERIFIED)
+
+
+def view_of_fall(layout: Layout, fall: Array) -> View:
+    """What pictures show of the rigid motions (a, b, c) by which blocks fall. Collective."""
+    blocks = tuple(falling_blocks(layout, fall).tolist())
+    return view_of(layout, layout.rigid_motion(fall)).told(marked=blocks, caption=FALLS)
+
+
+def _lines(joints: Joints, values: JointValues | None, motion: Array) -> Lines:
+    """Facets of joints; those that open along with all of their straight face are `OPEN`."""
+    segments = joints.segments
+    state = np.full(len(segments), ContactState.STICK)
+    if values is not None:
+        values = values.first(joints.joint_count)
+        face = straight_faces(joints).of_point
+        whole = np.bincount(face, ~values.opens) == 0
+        opens = np.any(values.opens[segments], axis=1)
+        does = np.where(whole[face[segments[:, 0]]], ContactState.OPEN, ContactState.ROCKS)
+        state = facet_contact(values, segments)
+        state = np.where(state == ContactState.OPEN, np.where(opens, does, AT_REST), state)
+    first = segments[:, 0]
+    group = np.where(joints.bodies[first, 0] == GROUND, -1, joints.law[first])
+    return Lines(joints.position[segments], motion[segments], state, group, joints.names)
 
 
 def body_materials(layout: Layout) -> Indices:
@@ -368,41 +511,6 @@ class _Outline(NamedTuple):
     normals: Array
 
 
-def block_view(
-    layout: Layout, mode: Array, values: JointValues | None = None, sign: float = 1.0
-) -> BlockView:
-    """Blocks, their rigid motions in a mode, and what their straight faces do. Collective.
-
-    Arguments are as of `view_of`.
-    """
-    motion = layout.centroid_motions(mode)
-    count = len(motion)
-    materials = list(layout.scene.materials)
-    groups = [materials[number] for number in body_materials(layout)]
-    loops = outlines(layout.boundary, layout.boundary.points[:, :2])
-    ties = tie_arrays(layout, values)
-    size = float(np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).max())
-    view = BlockView(
-        bodies=Bodies(
-            names=[""] * count,
-            groups=groups,
-            fixed=np.zeros(count, dtype=bool),
-            centroid=_lifted(layout.centroid),
-            volume=layout.boundary.areas(layout.bodies.centre),
-            pieces=[_outline(of_body, STRAIGHT * size) for of_body in loops],
-            of_piece=np.arange(count),
-            dimension=2,
-        ),
-        touching=_contacts(layout.joints.without_ties(), values),
-        live=sign * _about(layout, layout.bodies.live) @ LIFTED,
-        motion=motion @ LIFTED,
-        tie_ends=_lifted(ties.get("ends", np.empty((0, 2, 2)))),
-        tie_blocks=ties.get("blocks", np.empty((0, 2), dtype=np.int64)),
-        ties=ties,
-    )
-    return view.scaled()
-
-
 def _about(layout: Layout, load: Array) -> Array:
     """A load of bodies about their reference points, over their size, as one about centroids."""
     bodies = layout.bodies
@@ -416,20 +524,21 @@ def _lifted(places: npt.NDArray[Any]) -> Array:
     return np.insert(places, 1, 0.0, axis=-1)
 
 
-def _outline(loops: list[Array], flat: float) -> _Outline:
-    """A block from its loops, without corners that leave a straight line by less than `flat`, m."""
-    kept = [_corners(loop, flat) for loop in loops]
-    counts = [len(loop) for loop in kept]
+def _outline(loops: list[Array]) -> _Outline:
+    """A block from its loops, of which the first two columns are places."""
+    counts = list(map(len, loops))
     sides = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-    return _Outline(_lifted(np.vstack(kept)), sides, np.tile([0.0, -1.0, 0.0], (len(kept), 1)))
+    normals = np.tile([0.0, -1.0, 0.0], (len(loops), 1))
+    return _Outline(_lifted(np.vstack(loops)[:, :2]), sides, normals)
 
 
 def _corners(loop: Array, flat: float) -> Array:
-    """Corners of a loop where it turns."""
-    before = loop - np.roll(loop, 1, axis=0)
-    after = np.roll(loop, -1, axis=0) - loop
-    cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-    turns = cross > flat * np.maximum(np.linalg.norm(before + after, axis=1), flat)
+    """Corners of a loop, shape (., 4), where it turns by more than `flat`, m, at rest or moved."""
+    before = (loop - np.roll(loop, 1, axis=0)).reshape(-1, 2, 2)
+    after = (np.roll(loop, -1, axis=0) - loop).reshape(-1, 2, 2)
+    cross = np.abs(before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0])
+    length = np.maximum(np.linalg.norm(before + after, axis=2), flat)
+    turns = np.any(cross > flat * length, axis=1)
     return loop[turns] if turns.sum() >= 3 else loop
 
 
@@ -440,10 +549,12 @@ def _contacts(joints: Joints, values: JointValues | None) -> Contacts:
     of_point = faces.of_point[order]
     count = len(faces.ends)
     position = joints.position[order]
-    nothing = np.zeros(len(order))
-    pressing, shear = nothing, nothing
+    pressing = np.zeros(len(order))
+    force = np.zeros((len(order), 2))
     if values is not None:
-        pressing, shear = values.normal_force[order], np.abs(values.shear_force[order])
+        values = values.first(joints.joint_count)
+        pressing = values.normal_force[order]
+        force = values.force(joints.normal, joints.tangent)[order]
 
     def sums(numbers: Array) -> Array:
         return np.bincount(of_point, numbers, count).astype(float)
@@ -463,8 +574,7 @@ def _contacts(joints: Joints, values: JointValues | None) -> Contacts:
         position=_lifted(position),
         area=joints.length[order],
         of_point=of_point,
-        pressing=pressing,
-        shear=shear,
+        force=_lifted(force),
         friction=joints.friction[faces.ends[:, 0]],
         strength=sums(joints.shear_strength[order]),
         crushes=crushes,

@@ -19,9 +19,9 @@ from fenics_contact.discretization.layout import Layout, ground_motion, straight
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import at_sides, facet_contact, middle, mode_scale
 from fenics_contact.output.folder import writing
-from fenics_contact.output.view import block_view
-from fenics_contact.results.block_view import BlockView
-from fenics_contact.results.values import Contact, JointValues
+from fenics_contact.output.view import view_of
+from fenics_contact.results.block_view import JOINT_STATES, BlockView
+from fenics_contact.results.values import JointValues
 
 #: Types of cells in VTK files.
 POLYGON, POLYHEDRON = 7, 42
@@ -72,7 +72,7 @@ def write_joints(
     """
     joints = layout.joints.without_ties()
     count = joints.joint_count
-    of_faces = block_view(layout, np.zeros_like(displacement) if mode is None else mode, values)
+    of_faces = view_of(layout, mode, values).blocks
     values = values.first(count)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
@@ -100,7 +100,7 @@ def write_joints(
         name: _flat(values) if values.ndim == 2 else values for name, values in points.items()
     }
     grid["FieldData"] = numbers
-    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in JOINT_STATES[::-1])
     groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
     told = "; ".join(filter(None, (about, f"state: {states}", f"group: {groups}")))
     with writing(layout.scene.comm):

@@ -30,13 +30,25 @@ NOTHING = 1e-6
 
 
 class ContactState(IntEnum):
-    """What a contact does in a collapse."""
+    """What a contact, or a joint point, does in a collapse; points do one of the first three."""
 
-    CLOSED = 0
-    SLIDES = 1
-    ROCKS = 2
-    OPENS = 3
+    OPEN = 0
+    SLIP = 1
+    STICK = 2
+    ROCKS = 3
     CRUSHES = 4
+
+
+#: What joint points and facets do.
+JOINT_STATES = ContactState.STICK, ContactState.SLIP, ContactState.OPEN
+#: What contacts do, for result.json.
+STATES: Mapping[ContactState, str] = {
+    ContactState.STICK: "closed",
+    ContactState.SLIP: "slides",
+    ContactState.ROCKS: "rocks",
+    ContactState.OPEN: "opens",
+    ContactState.CRUSHES: "crushes",
+}
 
 
 class Piece(Protocol):
@@ -78,6 +90,17 @@ class Bodies:
     pieces: Sequence[Piece]
     of_piece: Indices
     dimension: int
+
+    @cached_property
+    def group_names(self) -> tuple[str, ...]:
+        """Every group once, those of blocks that are no ground first."""
+        order = np.argsort(self.fixed, kind="stable").tolist()
+        return tuple(dict.fromkeys(self.groups[block] for block in order))
+
+    @property
+    def group(self) -> Indices:
+        """Number of a block's group, shape (blocks,)."""
+        return np.array([self.group_names.index(name) for name in self.groups])
 
     @cached_property
     def counts(self) -> Indices:
@@ -139,8 +162,7 @@ class Contacts:
         position: Of the points of all contacts, m, shape (points, 3).
         area: Of points, m2, in the plane length, m, shape (points,).
         of_point: Number of a point's contact, ascending, shape (points,).
-        pressing: Forces of points along the normal, N, shape (points,); 0 where none are known.
-        shear: Sizes of their shear forces, N, shape (points,).
+        force: On the second block at points, N, shape (points, 3); 0 where none are known.
         friction: Of contacts, shape (contacts,).
         strength: Shear forces that contacts carry without pressure, N, shape (contacts,).
         crushes: Whether a contact is at its compressive strength, shape (contacts,).
@@ -152,11 +174,29 @@ class Contacts:
     position: Array
     area: Array
     of_point: Indices
-    pressing: Array
-    shear: Array
+    force: Array
     friction: Array
     strength: Array
     crushes: Flags
+
+    def parted(self, vectors: Array) -> tuple[Array, Array]:
+        """Vectors at points along the normal, shape (points,), and across it, (points, 3)."""
+        normal = self.normal[self.of_point]
+        along = np.einsum("pi,pi->p", vectors, normal)
+        return along, vectors - along[:, None] * normal
+
+    @property
+    def ends(self) -> Array:
+        """Ends of contacts in the plane, m, (x, y), shape (contacts, 2, 2)."""
+        flat = [corners[:, ::2] for corners in self.corners]
+        far = [np.linalg.norm(one - one[0], axis=1).argmax() for one in flat]
+        ends = [one[[0, k]] for one, k in zip(flat, far, strict=True)]
+        return np.array(ends).reshape(-1, 2, 2)
+
+    @cached_property
+    def pressing(self) -> Array:
+        """Forces of points along the normal, N, shape (points,)."""
+        return self.parted(self.force)[0]
 
     def sums(self, values: Array) -> Array:
         """Sums of points' values by contact, shape (contacts,)."""
@@ -211,6 +251,11 @@ class BlockView:
         """The same, with a largest displacement of a corner of 8 % of the structure's size."""
         fastest = float(np.linalg.norm(self.displacement, axis=1).max()) or 1.0
         return replace(self, motion=AMPLITUDE * self.size / fastest * self.motion)
+
+    @property
+    def whole_title(self) -> str:
+        """Title of a picture of the collapse, below that of its scene."""
+        return "\n".join(filter(None, (self.title, self.caption)))
 
     def box_of(self, blocks: Flags) -> Array:
         """Lowest and highest coordinates of some blocks, m, shape (2, 3)."""
@@ -289,24 +334,22 @@ class ContactValues:
     def __init__(self, view: BlockView) -> None:
         """Take those of a view's motion and forces."""
         at = view.touching
-        pressing, shear, area = map(at.sums, (at.pressing, at.shear, at.area))
+        shear_force = np.linalg.norm(at.parted(at.force)[1], axis=1)
+        pressing, shear, area = map(at.sums, (at.pressing, shear_force, at.area))
         allowed = at.friction * pressing + at.strength
         acts = allowed > NOTHING * allowed.max(initial=0.0)
         self.pressure = pressing / np.where(area > 0.0, area, np.inf)
         self.shear_stress = shear / np.where(area > 0.0, area, np.inf)
         self.utilisation = np.minimum(shear / np.where(acts, allowed, np.inf), 1.0)
         first, second = (view.displacements(at.position, side[at.of_point]) for side in at.pairs.T)
-        moved = second - first
-        normal = at.normal[at.of_point]
-        opening = np.einsum("pi,pi->p", moved, normal)
-        slip = np.linalg.norm(moved - opening[:, None] * normal, axis=1)
+        opening, slip = at.parted(second - first)
         self.opening = at.extreme(opening, np.maximum)
-        self.slip = at.extreme(slip, np.maximum)
+        self.slip = at.extreme(np.linalg.norm(slip, axis=1), np.maximum)
         least = AS_ONE * float(np.linalg.norm(view.displacement, axis=1).max()) or np.inf
         does = {
             ContactState.CRUSHES: at.crushes,
-            ContactState.OPENS: at.extreme(opening, np.minimum) > least,
+            ContactState.OPEN: at.extreme(opening, np.minimum) > least,
             ContactState.ROCKS: self.opening > least,
-            ContactState.SLIDES: self.slip > least,
+            ContactState.SLIP: self.slip > least,
         }
-        self.state: Indices = np.select(list(does.values()), list(does), ContactState.CLOSED)
+        self.state: Indices = np.select(list(does.values()), list(does), ContactState.STICK)

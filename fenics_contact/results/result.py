@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -45,10 +45,8 @@ from fenics_contact.results.values import (
     JointValues,
     NamedArrays,
     SoilForce,
-    block_arrays,
     fall_reason,
     falling_blocks,
-    joint_arrays,
     large,
     named_blocks,
     soil_forces,
@@ -455,6 +453,20 @@ class ServiceState:
         return self.status != "not_converged" and self.reason != NOT_KNOWN
 
 
+class Shown(NamedTuple):
+    """A state of a meshed scene, this rank's part in the supports' coordinates.
+
+    Attributes:
+        values: Of its joint points; None where there is no state.
+        state: Displacements.
+        mode: How it moves on in a collapse.
+    """
+
+    values: JointValues | None = None
+    state: State | None = None
+    mode: Array | None = None
+
+
 class ByDirection:
     """Limit loads in one direction of the live load or both.
 
@@ -522,6 +534,10 @@ class ByDirection:
     def load_factor_negative(self) -> float:
         """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
         return float("nan") if self.negative is None else self.negative.load_factor
+
+    def suffix(self, direction: str) -> str:
+        """What names of files of a direction have behind them."""
+        return "_negative" if direction == "negative" and len(self.ends) == 2 else ""
 
     @property
     def wording(self) -> Wording:
@@ -597,30 +613,6 @@ class Result(ByDirection):
     inaccurate: str = ""
     stopped: str = ""
     ranks: int = 1
-
-    @property
-    def joints(self) -> NamedArrays:
-        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
-        end = self.collapse
-        return joint_arrays(self.layout, None if end is None else end.joints)
-
-    @property
-    def ties(self) -> NamedArrays:
-        """Arrays over the bars of all ties by name, the same on all ranks; see `tie_arrays`."""
-        end = self.collapse
-        return tie_arrays(self.layout, None if end is None else end.joints)
-
-    @property
-    def blocks(self) -> NamedArrays:
-        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`.
-
-        Collective: ask for `displacement`, `mode` and their rotations on all ranks together.
-        """
-        end = self.collapse
-        if end is None or end.state is None:
-            return block_arrays(self.layout, None, None)
-        state = self.layout.with_imposed(end.state)
-        return block_arrays(self.layout, state.displacement, end.mode)
 
     @property
     def scene(self) -> Scene:  # type: ignore[override]

@@ -17,19 +17,11 @@ import numpy.typing as npt
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.soil import places_of_soil
-from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.wording import Line
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
-
-
-class Contact(IntEnum):
-    """What a joint point does as the collapse begins."""
-
-    OPEN = 0
-    SLIP = 1
-    STICK = 2
 
 
 @dataclass(frozen=True)
@@ -76,11 +68,11 @@ class JointValues:
 
     @property
     def contact(self) -> npt.NDArray[np.int64]:
-        """`Contact` of every point."""
-        contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
+        """`ContactState` of every point."""
+        contact = np.where(self.slips, ContactState.SLIP, ContactState.STICK)
         force = self.normal_force + self.bond
         loaded = force > SEARCH.verified * force.max(initial=0.0)
-        contact[~loaded | self.opens] = Contact.OPEN
+        contact[~loaded | self.opens] = ContactState.OPEN
         return contact
 
     def force(self, normal: Array, tangent: Array) -> Array:
@@ -122,45 +114,21 @@ class TieState(IntEnum):
     YIELDS = 2
 
 
-@dataclass(frozen=True)
-class TieValues:
-    """Values of the bars of all ties, shape (bars,); alike on all ranks.
-
-    Attributes:
-        bars: The bars.
-        force: Tension, N per metre of thickness.
-        elongation: m, from the structure as drawn.
-        elongation_rate: In the collapse mode.
-    """
-
-    bars: Ties
-    force: Array
-    elongation: Array
-    elongation_rate: Array
-
-    @property
-    def state(self) -> npt.NDArray[np.int64]:
-        """`TieState` of every bar."""
-        part = self.force / self.bars.yields
-        state = np.where(part > AT_END, TieState.ELASTIC, TieState.SLACK)
-        return np.where(part < 1.0 - AT_END, state, TieState.YIELDS).astype(np.int64)
-
-
-def tie_values(joints: Joints, values: JointValues, soil: bool = False) -> TieValues | None:
-    """Values of ties, or of bars of soil, from those of all points; None where there are none."""
+def tie_values(joints: Joints, values: JointValues, soil: bool = False) -> dict[str, Any]:
+    """Values of the bars of ties, or of soil, as of `tie_arrays`; none where there are no bars."""
     if joints.ties is None:
-        return None
+        return {}
     mine, bars = joints.ties.part(soil)
-    if not len(bars.tie):
-        return None
     at = joints.joint_count + np.flatnonzero(mine)
     tension = 0.5 * bars.yields - values.shear_force[at]  # t = Y/2 - r_T
-    return TieValues(
-        bars=bars,
-        force=np.clip(tension, 0.0, bars.yields),  # rounding
-        elongation=values.slip[at] + (tension - bars.prestress) * bars.compliance,
-        elongation_rate=values.slip_rate[at],
-    )
+    force = np.clip(tension, 0.0, bars.yields)  # rounding
+    return {
+        "name": bars.name,
+        "force": force,
+        "elongation": values.slip[at] + (tension - bars.prestress) * bars.compliance,
+        "elongation_rate": values.slip_rate[at],
+        "state": np.digitize(force / bars.yields, [AT_END, 1.0 - AT_END]),
+    }
 
 
 @dataclass(frozen=True)
@@ -189,7 +157,7 @@ def soil_forces(layout: Layout, values: JointValues | None) -> tuple[SoilForce, 
     for name, places in places_of_soil(layout.scene, layout.boundary).items():
         stress = float(places.stress.sum())
         least, most = (part * stress for part in layout.scene.soil[name].coefficients)
-        more = 0.0 if found is None else float(found.force[found.bars.name == name].sum())
+        more = float(found["force"][found["name"] == name].sum()) if found else 0.0
         part = more / (most - least) if most > least else 0.0
         state = "between" if AT_END < part < 1.0 - AT_END else ("active", "passive")[part > 0.5]
         known = values is not None
@@ -288,9 +256,8 @@ def tie_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
         "blocks": partial(getattr, bars, "bodies"),
         "yield": partial(getattr, bars, "yields"),
     }
-    if found is not None:
-        names = "force", "elongation", "elongation_rate", "state"
-        sources |= {name: partial(getattr, found, name) for name in names}
+    if found:
+        sources |= {name: partial(np.asarray, array) for name, array in found.items()}
     return NamedArrays("ties", sources)
 
 
@@ -401,6 +368,11 @@ def named_blocks(blocks: Indices, centre: Array, what: str) -> str:
     """Blocks by number and place, as far as a line has room, and what they do."""
     places = np.round(centre, 9) + 0.0  # without what rounding leaves of 0
     names = [f"{block} at ({places[block, 0]:.3g}, {places[block, 1]:.3g})" for block in blocks]
+    return listed_blocks(names, what)
+
+
+def listed_blocks(names: Sequence[str], what: str) -> str:
+    """Blocks, as far as a line has room, and what they do."""
     if len(names) == 1:
         return f"block {names[0]} {what}s"
     rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""

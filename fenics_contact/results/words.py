@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.block_view import AMPLITUDE, AS_ONE, BlockView, ContactState
+from fenics_contact.results.block_view import AMPLITUDE, AS_ONE, STATES, BlockView, ContactState
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import TieState
 
@@ -102,7 +102,7 @@ def mechanism_record(view: BlockView) -> dict[str, Any]:
     turns about its centre.
     """
     states = view.contacts.state
-    count = {kind.name.lower(): int(np.sum(states == kind)) for kind in ContactState}
+    count = {does: int(np.sum(states == kind)) for kind, does in STATES.items()}
     parts = moving_parts(view)
     bodies = view.bodies
     speed = view.share
@@ -136,7 +136,7 @@ def mechanism_record(view: BlockView) -> dict[str, Any]:
 def moving_parts(view: BlockView) -> list[Part]:
     """Parts of the blocks that move alike, the largest first."""
     walls = _walls(view)
-    slides = view.contacts.state == ContactState.SLIDES
+    slides = view.contacts.state == ContactState.SLIP
     found = []
     for those in _alike(view, walls):
         outer = view.touching.any_of(those) == 1
@@ -157,7 +157,7 @@ def _alike(view: BlockView, walls: Mapping[str, Flags]) -> Iterator[Flags]:
     """
     count = len(view.share)
     pairs = np.where(view.touching.pairs < 0, count, view.touching.pairs)  # the last: rigid ground
-    rigid = connected(pairs[view.contacts.state == ContactState.CLOSED], count + 1)
+    rigid = connected(pairs[view.contacts.state == ContactState.STICK], count + 1)
     stays = np.isin(rigid, rigid[np.append(view.bodies.fixed, True)])
     rigid = rigid[:count]
     free = (view.share > AS_ONE) & ~stays[:count]
@@ -286,7 +286,7 @@ def _way(view: BlockView, vector: Array) -> str:
 
 def _cracks(view: BlockView) -> str:
     """Walls that crack: a part of each moves and a part rests."""
-    parted = view.contacts.state != ContactState.CLOSED
+    parted = view.contacts.state != ContactState.STICK
     places = np.array([corners.mean(axis=0) for corners in view.touching.corners])
     told: dict[str, list[str]] = {}
     for name, mine in _walls(view).items():

@@ -14,21 +14,21 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array, Flags
-from fenics_contact.output.figures import picture_paths
-from fenics_contact.output.folder import drawing
+from fenics_contact.output.figures import Figure, draw_figures, figures_of, picture_paths
+from fenics_contact.output.folder import drawing, going_on
 from fenics_contact.output.plotting import (
     BLACK,
-    BLUE,
     DPI,
-    FORCE,
     GREEN,
-    ORANGE,
-    TINTS,
-    VERMILLION,
+    MARKS,
+    QUIET,
     legend,
     save_figure,
+    shades,
 )
-from fenics_contact.results.block_view import BlockView, ContactState
+from fenics_contact.output.view import planar
+from fenics_contact.results.block_view import BlockView
+from fenics_contact.scene.scene import ALL, OutputOptions
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.view import views_of
 
@@ -45,15 +45,6 @@ VIEWS = {
 LIGHT = np.array([-0.35, 0.55, 0.76])
 #: What a side that the light does not reach keeps.
 AMBIENT = 0.62
-#: Colours of blocks that do not move, of those that fall or wedge, and of ground.
-STAYS, FALLS, GROUND = (0.93, 0.93, 0.92), (0.93, 0.75, 0.45), (0.86, 0.85, 0.83)
-#: Colours of contacts, and what they do.
-MARKS: dict[int, tuple[str, str]] = {
-    ContactState.SLIDES: (BLUE, "slides"),
-    ContactState.ROCKS: (ORANGE, "opens along an edge"),
-    ContactState.OPENS: (VERMILLION, "opens"),
-    ContactState.CRUSHES: (FORCE, "crushes"),
-}
 #: Two bodies overlap by less than this, over the structure's size.
 TOUCH = 2e-3
 #: Edges of contacts lie on a side within this, over the structure's size.
@@ -66,40 +57,56 @@ MARGIN = 0.06
 LARGEST = 4.6
 
 
-def draw_collapse(result: SpatialLimit, folder: Path, formats: Sequence[str] = ("png",)) -> None:
-    """Write pictures of the collapse of all directions: collapse.png, collapse_negative.png.
+def draw_collapse(result: SpatialLimit, folder: Path, output: OutputOptions) -> list[str]:
+    """Draw collapse.png of all directions; in the plane what is drawn of a meshed scene.
 
     Args:
         result: What was found.
         folder: Where to, which is there.
-        formats: Endings of files.
+        output: Which pictures, and in which formats.
+
+    Returns:
+        Which could not be drawn, and why.
 
     Raises:
         OSError: If a file cannot be written.
-        DrawingError: If matplotlib fails.
     """
+    lost: list[str] = []
+    figures: list[Figure] = []
+    for name, view in views_of(result).items():
+        if view.bodies.dimension == 3:
+            with going_on(lost), drawing(f"collapse{view.suffix}"):
+                _save(view, picture_paths(folder / f"collapse{view.suffix}", output.formats))
+            continue
+        end = result.ends[name]
+        flat = planar(view, known=end.force is not None, thickness=result.scene.thickness)
+        figures += figures_of(flat)
+    if output.pictures != ALL and not output.report:
+        figures = [one for one in figures if one.kind in ("collapse", "marked")]
+    return lost + draw_figures(figures, folder, output.formats)
+
+
+def _save(view: BlockView, paths: Sequence[Path]) -> None:
+    """Draw the blocks from three sides into files."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    turns = {name: axes_to(eye) for name, eye in VIEWS[result.structure.dimension].items()}
-    for view in views_of(result).values():
-        name = f"collapse{view.suffix}"
-        with drawing(name):
-            windows = [np.ptp(_window(view, turn), axis=0) for turn in turns.values()]
-            widths, heights = np.transpose(windows)
-            scale = LARGEST / max(widths.max(), heights.max())
-            shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
-            figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
-            panels = figure.subplots(1, len(turns), width_ratios=widths, squeeze=False)[0]
-            for axes, (title, turn) in zip(panels, turns.items(), strict=True):
-                draw_view(axes, view, turn)
-                axes.set_title(title, fontsize=9)
-            told = [mark for state, mark in MARKS.items() if np.any(view.contacts.state == state)]
-            told += [(GREEN, "tie")] * bool(len(view.tie_ends))
-            told += [(BLACK, "live load")] * bool(view.push.any())
-            legend(panels[-1], [Line2D([], [], color=c, lw=2.0, label=label) for c, label in told])
-            title = "\n".join(filter(None, (view.title, view.caption)))
-            save_figure(figure, title, picture_paths(folder / name, formats))
+    turns = {name: axes_to(eye) for name, eye in VIEWS[3].items()}
+    windows = [np.ptp(_window(view, turn), axis=0) for turn in turns.values()]
+    widths, heights = np.transpose(windows)
+    scale = LARGEST / max(widths.max(), heights.max())
+    shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
+    figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
+    panels = figure.subplots(1, len(turns), width_ratios=widths, squeeze=False)[0]
+    for axes, (title, turn) in zip(panels, turns.items(), strict=True):
+        draw_view(axes, view, turn)
+        axes.set_title(title, fontsize=9)
+    state = view.contacts.state
+    told = [mark for kind, mark in MARKS.items() if np.any(state == kind) and kind not in QUIET]
+    told += [(GREEN, "tie")] * bool(len(view.tie_ends))
+    told += [(BLACK, "live load")] * bool(view.push.any())
+    legend(panels[-1], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
+    save_figure(figure, view.whole_title, paths)
 
 
 def axes_to(eye: Sequence[float]) -> Array:
@@ -127,7 +134,8 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     place = (bodies.corner + view.displacement) @ turn.T
     normal = bodies.normal @ turn.T
     light = AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
-    shades = light[:, None] * block_colours(view)[bodies.side_block]
+    colours = shades(bodies.group, view.share, bodies.fixed, view.marked)
+    lit = light[:, None] * colours[bodies.side_block]
     marks = _marks(view, turn)
     thin = 0.5 if len(view.motion) < 200 else 0.3
     hides = _hidden(view, place, turn)
@@ -137,7 +145,7 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     drawn: list[tuple[Array, Any, Any, float]] = []  # polygons, colours of faces, of edges, widths
     for piece in drawing_order(hides, depth):
         for side in np.flatnonzero((bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE)):
-            face = "none" if veils[piece] else tuple(shades[side])
+            face = "none" if veils[piece] else tuple(lit[side])
             drawn.append((place[bodies.sides[side], :2], face, "0.25", thin))
             drawn += [(line, "none", colour, 1.6) for line, colour in marks[side]]
     polygons, faces, edges, widths = zip(*drawn, strict=True)
@@ -152,21 +160,6 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
         axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "lw": 2.0, "color": BLACK})
     axes.set_aspect("equal", anchor="S")
     axes.set_axis_off()
-
-
-def block_colours(view: BlockView) -> Array:
-    """Tints of groups, the paler the less a block moves, shape (blocks, 3)."""
-    from matplotlib.colors import to_rgb
-
-    fixed = view.bodies.fixed
-    group = np.array(view.bodies.groups)
-    groups = list(dict.fromkeys(group[~fixed]))
-    tint = [TINTS[groups.index(g) % len(TINTS)] if g in groups else TINTS[0] for g in group]
-    amount = np.where(view.share > 1e-3, 0.45 + 0.55 * view.share, 0.0)[:, None]
-    colours = (1.0 - amount) * STAYS + amount * [to_rgb(one) for one in tint]
-    colours[list(view.marked)] = FALLS
-    colours[fixed] = GROUND
-    return np.asarray(colours)
 
 
 def _hidden(view: BlockView, place: Array, turn: Array) -> Flags:
@@ -239,7 +232,7 @@ def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     at = view.touching
     states = view.contacts.state.tolist()
     for pair, corners, state in zip(at.pairs.tolist(), at.corners, states, strict=True):
-        for block in pair if state in MARKS else ():
+        for block in pair if state not in QUIET else ():
             flat = (corners + view.displacements(corners, block)) @ turn[:2].T
             for side in np.flatnonzero(seen & (bodies.side_block == block)):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import checked
 from fenics_contact.output.files import UNITS, record_of, write_capacity, write_files
+from fenics_contact.output.folder import going_on
 from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
@@ -46,6 +47,7 @@ class BlockLimitLoad(SpatialLimit):
         output = self.scene.output
 
         def draw(hidden: Path) -> list[str]:
+            lost: list[str] = []
             views = views_of(self)
             for name, end in self.limits.items() if not hurry() else ():
                 for answer in end.told:
@@ -53,11 +55,12 @@ class BlockLimitLoad(SpatialLimit):
             if output.paraview and not hurry():
                 write_fields(self, hidden)
             if output.pictures and not hurry():
-                draw_collapse(self, hidden, output.formats)
+                lost += draw_collapse(self, hidden, output)
                 write_viewer(views, hidden)
-            if self.capacity:
-                write_capacity(self, hidden)
-            return []
+            with going_on(lost):
+                if self.capacity:
+                    write_capacity(self, hidden)
+            return lost
 
         def record(seconds: Mapping[str, float], lost: list[str]) -> dict[str, Any]:
             return result_record(replace(self, seconds=seconds))

@@ -12,7 +12,7 @@ import numpy as np
 from fenics_contact.console import summary
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import ByDirection, Collapse
-from fenics_contact.results.values import NAMED
+from fenics_contact.results.values import listed_blocks
 from fenics_contact.results.wording import Line, Wording, wording_of
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
@@ -115,8 +115,4 @@ def ties_of(structure: Structure, end: Collapse, names: Sequence[str]) -> dict[s
 
 def named(structure: Structure, numbers: Sequence[int], does: str) -> str:
     """Blocks by name, as far as a line has room, and what they do."""
-    names = [structure.blocks[k].name or str(k) for k in numbers]
-    if len(names) == 1:
-        return f"block {names[0]} {does}s"
-    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"blocks {', '.join(names[:NAMED])}{rest} {does}"
+    return listed_blocks([structure.blocks[k].name or str(k) for k in numbers], does)

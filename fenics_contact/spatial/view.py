@@ -9,10 +9,9 @@ import numpy as np
 
 from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.files import FALLS, LONGEST_TITLE
+from fenics_contact.output.files import LONGEST_TITLE, title_of
 from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.wording import four
 from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialLimit, ties_of
 from fenics_contact.spatial.structure import Structure
@@ -32,7 +31,7 @@ def view_of(structure: Structure, collapse: Collapse, names: Sequence[str] = ())
         tie_blocks=np.array([bar.blocks for bar in bars], dtype=np.int64).reshape(-1, 2),
         ties=ties,
         marked=collapse.falling * (collapse.mode is None),  # a collapse shows what moves
-        caption=collapse_in_short(collapse),
+        caption=title_of(collapse),
     )
     return view.scaled()
 
@@ -69,8 +68,7 @@ def _contacts(structure: Structure, force: Array | None) -> Contacts:
         position=points.position,
         area=points.area,
         of_point=points.contact,
-        pressing=force[:, 0],
-        shear=np.linalg.norm(force[:, 1:], axis=1),
+        force=np.einsum("pa,pad->pd", force, structure.axes[: len(force)]),
         friction=np.array([law.friction for law in laws]),
         strength=np.bincount(points.contact, cohesion, len(laws)).astype(float),
         crushes=crushes,
@@ -81,22 +79,11 @@ def views_of(result: SpatialLimit) -> dict[str, BlockView]:
     """Views of all directions."""
     title = plain(getattr(result.scene, "title", "") or "", LONGEST_TITLE)
     ties = tuple(getattr(result.scene, "ties", ()))
-    views = {
-        name: replace(view_of(result.structure, collapse, ties), title=title)
-        for name, collapse in result.ends.items()
-    }
+    views = {}
     for name, collapse in result.ends.items():
+        view = view_of(result.structure, collapse, ties)
+        view = replace(view, title=title, suffix=result.suffix(name))
         for answer in collapse.told:
-            views[name] = answer.seen(views[name])
-    if len(views) == 2:
-        views["negative"] = replace(views["negative"], suffix="_negative")
+            view = answer.seen(view)
+        views[name] = view
     return views
-
-
-def collapse_in_short(collapse: Collapse) -> str:
-    """Status, load factor and gap, as titles of pictures have them."""
-    reversal = ", live load reversed" * (collapse.sign < 0.0)
-    gap = f", gap {collapse.gap:.0e}" if collapse.gap else ""
-    found = f"load factor {four(collapse.load_factor)}{reversal}{gap}"
-    told = {"limit": found, "unstable": FALLS}
-    return told.get(collapse.status, f"{collapse.status.replace('_', ' ')}{reversal}")

@@ -90,14 +90,12 @@ def _write_points(path: Path, structure: Structure, end: Collapse) -> None:
 def _blocks(view: BlockView) -> Grid:
     """Cells of the blocks' pieces with what is known of them; groups are numbered in turn."""
     bodies = view.bodies
-    groups = list(dict.fromkeys(bodies.groups))
-    group = np.array([groups.index(name) for name in bodies.groups])
     faces = [[len(piece.sides)] for piece in bodies.pieces]
     for loop, piece in zip(bodies.sides, bodies.side_piece, strict=True):
         faces[piece] += [len(loop), *loop.tolist()]
     at_cells = {
         "block": bodies.of_piece,
-        "group": group[bodies.of_piece],
+        "group": bodies.group[bodies.of_piece],
         "fixed": bodies.fixed[bodies.of_piece].astype(int),
         "movement": view.share[bodies.of_piece],
         "utilisation": view.utilisation[bodies.of_piece],

@@ -36,7 +36,7 @@ from fenics_contact.output.plotting import (
     new_axes,
     save,
 )
-from fenics_contact.output.view import view_of
+from fenics_contact.output.view import view_of_collapse
 from fenics_contact.results.bounds import counted, equal
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
@@ -235,8 +235,7 @@ def _save_worst(result: Result, values: Values, folder: Path) -> None:
     end = result.collapse
     if end is None or end.mode is None or end.joints is None or end.status != "limit":
         return
-    sign = 1.0 if result.positive is not None else -1.0
-    view = view_of(result.layout, end.mode, end.joints, sign)
+    view = view_of_collapse(result.layout, end)
     title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
     with going_on([]), writing(result.scene.comm, folder):
         if result.scene.comm.rank == 0:

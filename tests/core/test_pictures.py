@@ -22,7 +22,7 @@ from fenics_contact.output.plotting import (
     nice,
     whole_thrust,
 )
-from fenics_contact.output.view import View, block_view, view_of
+from fenics_contact.output.view import View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.scene.scene import EdgeForce
 from fenics_contact.scene.units import rounded_alike
@@ -113,7 +113,7 @@ def test_a_facade_has_no_lines_of_thrust():
 @pytest.mark.mpi
 def test_motions_of_blocks_are_those_of_the_mode():
     _, result = solved(on_ground(tower(2), ROUGH))
-    view = block_view(result.layout, result.collapse.mode)
+    view = view_of(result.layout, result.collapse.mode).blocks
     corners = np.round(view.bodies.corner[view.bodies.block == 1][:, ::2], 9) + 0.0
     assert sorted(corners.tolist()) == [[0.0, 0.5], [0.0, 1.0], [0.5, 0.5], [0.5, 1.0]]
     for (x, _, y), (ux, _, uy, _, turn, _) in zip(view.bodies.centroid, view.motion, strict=True):

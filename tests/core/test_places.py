@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact import JointLaw, Load, equilibrium, limit_load
 from fenics_contact.meshing import polygons, wall
-from fenics_contact.output.view import block_view
+from fenics_contact.output.view import view_of
 from fenics_contact.results.words import mechanism_record
 from tests.drawing import rectangle
 from tests.helpers import on_ground
@@ -38,7 +38,7 @@ def test_the_place_of_a_block_is_its_centre_of_area(name):
     assert found.load_factor == pytest.approx(0.1, rel=1e-6)
     assert found.blocks["centre"][0] == pytest.approx(centre, rel=1e-12)
     end = found.collapse
-    moves = mechanism_record(block_view(found.layout, end.mode, end.joints))
+    moves = mechanism_record(view_of(found.layout, end.mode, end.joints).blocks)
     assert moves["centre"] == pytest.approx(centre, rel=1e-12)
     assert found.blocks["mode"][0] * found.blocks["live_load"][0] == pytest.approx([1.0, 0.0])
 

@@ -25,6 +25,7 @@ from fenics_contact import (
 from fenics_contact.answers.lowest import LowestAnswer
 from fenics_contact.meshing import running_bond
 from fenics_contact.output.files import result_record, strict
+from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.bounds import LimitBounds, signed
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import (
@@ -36,7 +37,6 @@ from fenics_contact.results.history import (
     Step,
 )
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.results.values import Contact
 from tests.helpers import coulomb, notebook_picture, on_ground
 
 
@@ -166,7 +166,7 @@ def test_joint_values_of_a_sliding_wall(direction, sign, result):
     assert values.shear * joints.length == pytest.approx(values.shear_force)
     assert values.gap.min() >= -1e-12
     loaded = values.pressure > 1e-3 * values.pressure.max()
-    assert set(values.contact[ground & loaded]) == {Contact.SLIP}
+    assert set(values.contact[ground & loaded]) == {ContactState.SLIP}
     assert not np.any(values.opens)
     assert values.slip_rate[ground] == pytest.approx(values.slip_rate[ground][0], rel=1e-6)
 

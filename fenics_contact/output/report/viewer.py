@@ -96,7 +96,7 @@ def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
                     for pair, corners, state in zip(
                         at.pairs.tolist(), at.corners, one.contacts.state.tolist(), strict=True
                     )
-                    if state != ContactState.CLOSED
+                    if state != ContactState.STICK
                 ],
             }
             for name, one in views.items()
