@@ -301,8 +301,10 @@ def title_of(end: Collapse) -> str:
     status += f"{end.searched.partition(',')[0]}, " if end.searched else ""
     if math.isnan(factor):
         return f"{status.rstrip(', ')}{reversal}"
+    known = end.bounds.lower is not None or end.bounds.upper is not None
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
-    return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
+    proved = f" ({bounds})" if known else ""
+    return f"{status}load factor {rounded_alike([factor])[0]}{reversal}{proved}"
 
 
 def write_service_state(
