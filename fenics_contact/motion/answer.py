@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,6 +23,9 @@ from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
+_log = logging.getLogger("fenics_contact")
+
+NO_BEGIN = "no state that the live load drives was found to begin from: nothing is told of the way"
 #: Title of its table.
 TITLE = "After the peak"
 #: Motions off a plane above this part of all are told.
@@ -87,6 +91,7 @@ def with_beyond(
     until = math.inf if isinstance(asked, bool) else float(asked)
     way = beyond(structure, found, until=until, control=scene.output.control, check_stop=check_stop)
     if way is None:
+        _log.warning("warning: solve.beyond: %s", NO_BEGIN)
         return found, start
     if start is not None and len(way.trusted) > 1:
         start = replace(start, nonlinear=check_along(scene, structure, found, way, start))

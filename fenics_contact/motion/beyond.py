@@ -208,6 +208,8 @@ class Beyond:
         rises = factor.max() > (1.0 + SAME_END) * abs(factor[0]) and most < end
         if end <= 0.0 and self.fine.why == NOTHING_LEFT:
             return "nothing"
+        if len(self.fine.points) == 1 and self.is_twice:
+            return f"{goes}; no state was found behind it"
         middle = most if rises else float(f"{0.4 * end:.2g}")
         goes += f", {self.amount(middle)} at {middle:.3g} m"
         last = f"{self.amount(end)} at {end:.3g} m"

@@ -226,6 +226,8 @@ class Follower:
         begin = None if self.first is None else self.first(scenery)
         state = None if begin is None else given_state(model, begin, self._sign)
         state = state or state_of(model, None, begin, self.asked, self._sign)
+        if state.gap > 10.0 * self.asked:  # as where the dead load drives the collapse
+            raise SolverError(NO_STATE)
         none = np.zeros(model.shape[0])
         return Stage(scenery, self.bodies.past, none, state, work=0.0, step=0.0)
 
