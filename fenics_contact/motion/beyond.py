@@ -188,10 +188,17 @@ class Beyond:
 
     def amount(self, displacement: float) -> str:
         """Load factor at a displacement, or the force on the ground, in words."""
-        value = self.at(displacement)
-        small = abs(value) <= NOTHING * abs(self.fine.points[0].load_factor)
-        value = 0.0 if small else value
-        return f"{1e-3 * value:.3g} kN" if self.driven else f"{value:.3g}"
+        return f"{self.told(self.at(displacement)):.3g}{self.unit}"
+
+    @property
+    def unit(self) -> str:
+        """Behind what is carried."""
+        return " kN" if self.driven else ""
+
+    def told(self, load_factor: float) -> float:
+        """What is carried: a load factor, or a force in kN; 0 where next to nothing is left."""
+        small = abs(load_factor) <= NOTHING * abs(self.fine.points[0].load_factor)
+        return 0.0 if small else load_factor * (1e-3 if self.driven else 1.0)
 
     @property
     def head(self) -> str:

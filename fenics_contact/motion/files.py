@@ -59,9 +59,9 @@ def with_way(beyond: Beyond, view: BlockView) -> BlockView:
     for point in shown_points(beyond, np.linspace(0.0, 1.0, VIEWED).tolist()):
         shift = point.poses.centroid[:-1] - view.bodies.centroid
         turn = Rotation.from_matrix(point.poses.rotation[:-1]).as_rotvec()
-        carried = point.load_factor * (1e-3 if beyond.driven else 1.0)
+        carried = beyond.told(point.load_factor)
         way.append((point.displacement, carried, np.hstack([shift, turn])))
-    return replace(view, way=way, way_unit=" kN" if beyond.driven else "")
+    return replace(view, way=way, way_unit=beyond.unit)
 
 
 def shown_points(beyond: Beyond, parts: Sequence[float] = SHOWN) -> list[BeyondPoint]:

@@ -58,6 +58,7 @@ def test_files_and_words(solved, capsys):
     way = shown["views"][0]["way"]
     assert [way[0]["at"], way[0]["carried"]] == pytest.approx([0.0, 0.1], abs=1e-6)
     assert way[-1]["at"] == pytest.approx(there["zero"], rel=1e-9)
+    assert way[-1]["carried"] == 0.0
     wall = next(k for k, block in enumerate(shown["blocks"]) if not block["fixed"])
     assert way[-1]["pose"][wall][4] == pytest.approx(math.atan2(0.5, 5.0), abs=1e-4)
     page = (solved / "out" / "report.html").read_text()
