@@ -9,17 +9,18 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from fenics_contact.accuracy import to_accuracy
-from fenics_contact.answers.question import answered, begun, of_curve
+from fenics_contact.answers.question import MeshQuestion, answered, begun, of_curve
+from fenics_contact.collapse.directions import SIGNS, directions, in_directions
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import least_forces
-from fenics_contact.collapse.load_case import SIGNS, LoadCase
+from fenics_contact.collapse.load_case import Bonded, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve
 from fenics_contact.collapse.reasons import explained, unfinished, within
 from fenics_contact.collapse.record import Listener
@@ -54,9 +55,7 @@ from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import (
     InPlace,
     asked_to_stop,
-    last_result_of,
     ranks_of,
-    result_of,
     workers_of,
 )
 
@@ -134,7 +133,8 @@ class LimitLoad(Result, Pictured):
             curve: list[CapacityPoint] = []  # stays empty where it is stopped before its first one
             with suppress(Stopped):
                 case = LoadCase.of(made, made.bonded(), sign, lambda step: None)
-                found = of_curve(case, found, CURVE_SOLVE)
+                question = MeshQuestion(scene=made.scene, case=case, end=found, cost=CURVE_SOLVE)
+                found = of_curve(replace(question, by_curve=True))
                 told = (monitor or _Silent()).point
                 curve = capacity_curve(case, found, points, told)
             found = signed(found, sign)
@@ -320,10 +320,9 @@ def limit_load_of(
         result = _solved(discretization, monitor, seconds, beside or InPlace())
         return result.hold_against_brackets() if _far_apart(discretization) else result
     except Stopped as stop:
-        reason = f"{stop}, before any state was looked for"
-        unknown = partial(known_bounds, LimitBounds(None, None))
-        nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
-        return _result(discretization, dict.fromkeys(_directions(scene), nothing), seconds)
+        nothing = Collapse(reason=f"{stop}, before any state was looked for")
+        names = directions(scene.solve.direction)
+        return _result(discretization, dict.fromkeys(names, nothing), seconds)
 
 
 def _far_apart(discretization: Discretization) -> bool:
@@ -332,17 +331,8 @@ def _far_apart(discretization: Discretization) -> bool:
     return bool(model.sizes.min(initial=np.inf) < 10.0 * SEARCH.verified * model.force)
 
 
-def _directions(scene: Scene) -> tuple[str, ...]:
-    """Directions of the live load that are asked for."""
-    direction = scene.solve.direction
-    return tuple(SIGNS) if direction == "both" else (direction,)
-
-
 def _solved(
-    discretization: Discretization,
-    monitor: Monitor,
-    seconds: dict[str, float],
-    beside: Executor,
+    discretization: Discretization, monitor: Monitor, seconds: dict[str, float], beside: Executor
 ) -> LimitLoad:
     """The limit load of a discretised scene; `seconds` gets the time of every phase.
 
@@ -350,7 +340,6 @@ def _solved(
         Stopped: If the run is to end before any collapse is looked for.
     """
     scene = discretization.scene
-    here, *others = _directions(scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization, check_stop=discretization.effort.wait)
     lower = None
@@ -360,73 +349,56 @@ def _solved(
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
         return _result(discretization, {}, seconds, fall)
-    parts: dict[str, Future[_Part]] = {}
-    if workers_of(beside):
-        for name in others:
-            alone = replace(scene, solve=replace(scene.solve, direction=name))
-            parts[name] = beside.submit(solved_beside, alone, monitor.of_worker())
-    busy = len(parts) > 0 and workers_of(beside) <= len(parts)
-    own = InPlace() if busy else beside
-    monitor.phase("one elastic solve with closed joints")
-    bonded = discretization.bonded()
-    seconds["bonded"] = bonded.seconds
-    ends: dict[str, Collapse] = {}
-    for name in (here,) if parts else (here, *others):
+
+    def begin(name: str, workers: Executor) -> Future[dict[str, Any]]:
+        alone = replace(scene, solve=replace(scene.solve, direction=name))
+        return workers.submit(solved_beside, alone, monitor.of_worker())
+
+    shares = scene.solve.direction == "both" and workers_of(beside) > 0
+
+    @cache
+    def bonded() -> Bonded:
+        monitor.phase("one elastic solve with closed joints")
+        return discretization.bonded()
+
+    def solve(name: str, own: Executor) -> Collapse:
         listener = _Direction(monitor, name)
         told = partial(monitor.step, name)
-        listener.case = LoadCase.of(discretization, bonded, SIGNS[name], told, listener)
-        found = _collapse(replace(listener.case, beside=own), lower, monitor, seconds)
-        ends[name] = signed(found, SIGNS[name])
-    if parts and not discretization.effort.watch.reason:  # not while others are waited for
-        with suppress(Stopped):
-            ends[here].program()
-    result = _result(discretization, ends, seconds)
-    for name, part in parts.items():
-        try:
-            known = result_of(part, discretization.effort.wait)
-        except Stopped as stop:
-            known = last_result_of(part, beside) or _nothing(name, str(stop))
-        result = _with_part(result, known)
+        listener.case = LoadCase.of(discretization, bonded(), SIGNS[name], told, listener)
+        end = _collapse(replace(listener.case, beside=own), lower, monitor, seconds)
+        if shares and not discretization.effort.watch.reason:  # not while others are waited for
+            with suppress(Stopped):
+                end.program()
+        return signed(end, SIGNS[name])
+
+    wait = discretization.effort.wait
+    found = in_directions(scene.solve.direction, beside, begin, solve, wait)
+    seconds["bonded"] = bonded().seconds
+    here = {name: end for name, end in found.items() if isinstance(end, Collapse)}
+    result = _result(discretization, here, seconds)
+    for part in found.values():
+        result = result if isinstance(part, Collapse) else _with_part(result, part)
     return result
 
 
-class _Part(NamedTuple):
-    """What a worker found in one direction."""
-
-    ends: dict[str, Collapse]
-    skipped: tuple[str, ...]
-    factorizations: int
-    mode_factorizations: int
-    cost: float
-    stopped: str
-
-
-def _nothing(direction: str, reason: str) -> _Part:
-    """That nothing is known of one direction."""
-    unknown = partial(known_bounds, LimitBounds(None, None))
-    end = Collapse("not_converged", math.nan, unknown, reason=reason, sign=SIGNS[direction])
-    return _Part({direction: end}, (), 0, 0, 0.0, reason)
-
-
-def solved_beside(scene: Scene, monitor: Monitor | None) -> _Part:
-    """A task: collapse and bracket of a scene with one direction."""
+def solved_beside(scene: Scene, monitor: Monitor | None) -> dict[str, Any]:
+    """A task: collapse and bracket of a scene with one direction, as fields of a `LimitLoad`."""
     with Discretization(scene) as made:
         found = limit_load_of(made, monitor, within(scene.solve.time, asked_to_stop))
     for end in found.ends.values():
         end.program()
-    return _Part(*(getattr(found, name) for name in _Part._fields))
+    return vars(found) | {"layout": None}
 
 
-def _with_part(result: LimitLoad, part: _Part) -> LimitLoad:
+def _with_part(result: LimitLoad, part: dict[str, Any]) -> LimitLoad:
     """A result with what a worker found."""
+    spent = "factorizations", "mode_factorizations", "cost"
     return replace(
         result,
-        ends={**result.ends, **part.ends},
-        skipped=tuple(dict.fromkeys((*result.skipped, *part.skipped))),
-        factorizations=result.factorizations + part.factorizations,
-        mode_factorizations=result.mode_factorizations + part.mode_factorizations,
-        cost=result.cost + part.cost,
-        stopped=result.stopped or part.stopped,
+        ends={**result.ends, **part["ends"]},
+        skipped=tuple(dict.fromkeys((*result.skipped, *part["skipped"]))),
+        stopped=result.stopped or part["stopped"],
+        **{name: getattr(result, name) + part[name] for name in spent},
     )
 
 
@@ -460,13 +432,15 @@ def _collapse(
     except Stopped as stop:
         end = unfinished(case, str(stop))
     seconds["solve"] = seconds.get("solve", 0.0) + time.perf_counter() - start
-    end = answered(case, explained(case, end), effort.spent - before, tasks, monitor.phase, seconds)
-    if end.status == "limit" and not case.blocks.has_strength:
-        end = replace(end, joints=end.joints and least_forces(case.discretization, end.joints))
-    if end.status == "limit" and end.joints is not None:
-        turned = turn_in(whole.joints.without_ties(), end.joints.normal_force)
-        pressed = pressed_too_much(whole.joints, end.joints.normal_force)
-        end = replace(end, rolling=turned, pressed=pressed)
+    cost = effort.spent - before
+    question = MeshQuestion(scene=whole.scene, case=case, end=explained(case, end), cost=cost)
+    end = answered(question, monitor.phase, seconds, tasks)
+    if end.status == "limit" and (joints := end.joints) is not None:
+        if not case.blocks.has_strength:
+            joints = least_forces(case.discretization, joints)
+        turned = turn_in(whole.joints.without_ties(), joints.normal_force)
+        pressed = pressed_too_much(whole.joints, joints.normal_force)
+        end = replace(end, joints=joints, rolling=turned, pressed=pressed)
     if effort.watch.reason:  # as far as it is known without a long program
         so_far = LimitBounds(lower, case.blocks.limit_so_far(), lower)
         end = replace(end, program=partial(known_bounds, whole.scene.comm.bcast(so_far)))

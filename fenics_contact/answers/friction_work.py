@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.question import Asked, MeshQuestion
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording
 
@@ -28,7 +28,7 @@ class FrictionWork(Asked):
     with_fast = True
 
     @classmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+    def run(cls, question: MeshQuestion) -> tuple[Self | None, Collapse]:
         """The parts; None where nothing slides."""
         joints = question.case.discretization.joints.without_ties()
         values = question.end.joints

@@ -26,7 +26,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.question import Asked, MeshQuestion
 from fenics_contact.collapse.collapse_mode import rates
 from fenics_contact.collapse.load_case import LoadCase, Task, falling, rising
 from fenics_contact.collapse.soft_hinges import SoftHinges, soft_hinges
@@ -91,7 +91,7 @@ class HingeLengths:
         return cls("known", load_factor, length, load_factor, points=load_factor)
 
 
-def _by_load_steps(question: Question) -> bool:
+def _by_load_steps(question: MeshQuestion) -> bool:
     """Whether slip is measured from the step before."""
     return question.by_rising_load() and question.options.slip == "load-steps"
 
@@ -106,7 +106,7 @@ class HingesAnswer(Asked):
     begins = "estimate of the error"
     option = "error by the mesh estimated"
     #: With other hinges other points tear; slip that is measured from the step before is no data.
-    unless = ((Question.loses_strength, ""), (_by_load_steps, ""))
+    unless = ((MeshQuestion.loses_strength, ""), (_by_load_steps, ""))
 
     @property
     def of_path(self) -> bool:
@@ -119,7 +119,7 @@ class HingesAnswer(Asked):
         return cls(HingeLengths("not_known", math.nan, reason=reason))
 
     @classmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+    def run(cls, question: MeshQuestion) -> tuple[Self | None, Collapse]:
         """Load factors down to point hinges; joint faces have no mesh."""
         end = question.end
         if end.engine == "faces" or (end.range and end.range.is_one):

@@ -7,20 +7,20 @@ from rest. None proves that there is no lower one: that is what the bracket is f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.question import Asked, MeshQuestion, Reasons
 from fenics_contact.collapse.face_collapse import collapse_of
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS
@@ -43,12 +43,13 @@ BY_LOAD = "lower states are not looked for where the load is raised step by step
 
 
 @dataclass(frozen=True)
-class _FoundStates:
-    """States by their starts, and why the searches ended early; for all ranks."""
+class FoundStates:
+    """States by their starts, why the searches ended early, and factorisations."""
 
     states: dict[str, FaceState]
     reason: str = ""
     stopped: bool = False
+    factorizations: int = 0
 
 
 class LowestAnswer(Asked):
@@ -60,27 +61,29 @@ class LowestAnswer(Asked):
     begins = "second opinion on the collapse"
     option = "lower collapse states looked for"
     may_replace = True
-    unless = (
-        (Question.loses_strength, TEARS),
-        (Question.by_rising_load, BY_LOAD),
-        (Question.driven_by_dead_load, DEAD_LOAD),
+    #: What such a state is as the collapse.
+    reported: ClassVar[str] = SEARCHED
+    unless: ClassVar[Reasons] = (
+        (MeshQuestion.loses_strength, TEARS),
+        (MeshQuestion.by_rising_load, BY_LOAD),
+        (MeshQuestion.driven_by_dead_load, DEAD_LOAD),
     )
 
     @classmethod
-    def concerns(cls, question: Question) -> bool:
+    def concerns(cls, question: MeshQuestion) -> bool:
         """Whether friction is Coulomb's; many blocks only if asked for, at the collapse's cost."""
         return _sought(question.case)
 
     @classmethod
-    def begin(cls, case: LoadCase) -> Future[_FoundStates] | None:
+    def begin(cls, case: LoadCase) -> Future[FoundStates] | None:
         """The searches: they need no collapse."""
         if not _sought(case) or np.any(case.discretization.joints.losing):
             return None
         every = case.discretization.scene.solve.states == "lowest"
-        names = list(STARTS) if every else list(STARTS)[:1]
+        starts = dict(list(STARTS.items())[: None if every else 1])
         effort = SEARCH.collapse_cost if every else SEARCH.usual_effort
         model = case.blocks.model.planar.model
-        return case.beside.submit(searched, model, names, effort, case.wait)
+        return case.beside.submit(searched, model, starts, case.wait, effort)
 
     @classmethod
     def not_known(cls, reason: str) -> Self:
@@ -88,14 +91,9 @@ class LowestAnswer(Asked):
         return cls(Lowest("not_known", reason=reason))
 
     @classmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
-        """The lowest state found beside a collapse, where several may exist.
-
-        With `states = "lowest"` more starts are tried, and the lowest state becomes the collapse.
-        """
+    def found(cls, question: MeshQuestion) -> FoundStates:
+        """States of several starts, on all ranks."""
         case = question.case
-        end = question.end
-        every = question.options.states == "lowest"
         found: Any = None
         if case.problem.comm.rank == 0:
             task = question.begun or cls.begin(case)
@@ -103,26 +101,42 @@ class LowestAnswer(Asked):
         found = case.problem.comm.bcast(found)
         if found.stopped:
             case.discretization.effort.watch.reason = found.reason
+        return found
+
+    @classmethod
+    def collapse_of(cls, question: MeshQuestion, state: FaceState) -> Collapse:
+        """A state as a collapse of elastic blocks."""
+        faces = PlanarFaces.of(question.case.discretization, question.case.sign)
+        return collapse_of(question.case, faces, state, SEARCH.lower_state_gap)
+
+    @classmethod
+    def run(cls, question: Any) -> tuple[Self | None, Collapse]:
+        """The lowest state found beside a collapse, where several may exist.
+
+        With `states = "lowest"` more starts are tried, and the lowest state becomes the collapse.
+        """
+        end = question.end
+        every = question.options.states == "lowest"
+        found = cls.found(question)
+        spent = end.factorizations + found.factorizations
+        end = replace(end, states=end.states or (end.as_state,), factorizations=spent)
         if found.reason or not found.states:
-            reason = found.reason or (NO_STATE if every else MORE)
-            return cls.not_known(reason), replace(end, states=end.states or (end.as_state,))
+            return cls.not_known(found.reason or (NO_STATE if every else MORE)), end
         states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
+        factors = [end.sign * one.load_factor for _, one in states]
         best = states[0][1]
-        lower = best.load_factor < end.load_factor - SEARCH.higher * end.size
-        told = Lowest(
-            "lower" if lower else "none",
-            best.load_factor if lower else end.load_factor,
-            len(states),
-            gap=best.gap if lower else end.as_state.gap,
-        )
-        others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
-        known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
+        lower = best.load_factor < end.sign * end.load_factor - SEARCH.higher * end.size
+        told = Lowest("none", end.load_factor, len(states), gap=end.as_state.gap)
+        if lower:
+            told = replace(told, status="lower", load_factor=factors[0], gap=best.gap)
+        ways = zip(states, factors, strict=True)
+        others = [CollapseState(name, "limit", at, one.gap) for (name, one), at in ways]
+        known = alike_as_one((*end.states, *others), end.size)
         if lower and every:
-            faces = PlanarFaces.of(case.discretization, case.sign)
-            collapse = collapse_of(case, faces, best, SEARCH.lower_state_gap)
+            collapse = cls.collapse_of(question, best)
             if collapse.status == "limit":
-                found_by = {"attempts": end.attempts, "trace": end.trace}
-                end = replace(collapse, searched=SEARCHED, **found_by)
+                found_by = {"attempts": end.attempts, "trace": end.trace, "factorizations": spent}
+                end = replace(collapse, searched=cls.reported, **found_by)
         return cls(told), replace(end, states=known)
 
     def in_bracket(self, end: Collapse) -> Answer:
@@ -178,18 +192,21 @@ def _sought(case: LoadCase) -> bool:
 
 
 def searched(
-    model: FaceModel, names: list[str], effort: float, wait: Callable[[], None]
-) -> _FoundStates:
+    model: FaceModel,
+    starts: Mapping[str, Start],
+    wait: Callable[[], None],
+    effort: float = SEARCH.collapse_cost,
+) -> FoundStates:
     """A task: states from some starts, with so many factorisations each."""
     states: dict[str, FaceState] = {}
+    spent = 0
     try:
-        for name in names:
+        for name, start in starts.items():
             search = FaceSearch(model, SEARCH.side_accuracy, effort, wait)
-            state = lowest_from(search, STARTS[name])
+            state = lowest_from(search, start)
+            spent += search.equations.factorizations
             if state is not None:
                 states[name] = state
-    except Stopped as stop:
-        return _FoundStates(states, str(stop), stopped=True)
-    except SolverError as error:  # faces that do not hold the blocks
-        return _FoundStates(states, str(error))
-    return _FoundStates(states)
+    except (Stopped, SolverError) as error:  # a SolverError: faces that do not hold the blocks
+        return FoundStates(states, str(error), isinstance(error, Stopped), spent)
+    return FoundStates(states, factorizations=spent)

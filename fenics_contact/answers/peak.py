@@ -31,11 +31,11 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
-from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.question import Asked, MeshQuestion, Reasons
 from fenics_contact.collapse.collapse_mode import rates
 from fenics_contact.collapse.load_case import LoadCase, LoadingPath, Task
 from fenics_contact.collapse.record import PathSample, Sample
@@ -82,7 +82,7 @@ ON_MODES = replace(SEARCH, path_change=SEARCH.peak_change)
 ON_STRUCTURE = replace(SEARCH, path_change=SEARCH.decade)
 
 
-def _unforced(question: Question) -> bool:
+def _unforced(question: MeshQuestion) -> bool:
     """Whether neither a capacity curve nor a load that rises step by step tells it anyway."""
     return not question.by_curve and not question.by_rising_load()
 
@@ -99,9 +99,9 @@ class PeakAnswer(Asked):
     begins = "peak of the loading path"
     option = "peak of the loading path looked for"
     of_curve = True
-    unless = (
-        (Question.by_faces, NO_PATH),
-        (Question.loses_strength, TEARS),
+    unless: ClassVar[Reasons] = (
+        (lambda question: question.end.engine == "faces", NO_PATH),
+        (MeshQuestion.loses_strength, TEARS),
         (lambda question: _unforced(question) and question.options.fast, FAST),
         (lambda question: _unforced(question) and question.options.peak is False, NOT_ASKED),
         (lambda question: question.options.method in BY_FIXED_POINT, OTHER_METHOD),
@@ -118,7 +118,7 @@ class PeakAnswer(Asked):
         return True
 
     @classmethod
-    def concerns(cls, question: Question) -> bool:
+    def concerns(cls, question: MeshQuestion) -> bool:
         """Whether friction is Coulomb's."""
         return question.end.state is not None and question.case.problem.coulomb
 
@@ -128,7 +128,7 @@ class PeakAnswer(Asked):
         return cls(Peak("not_known", reason=reason))
 
     @classmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+    def run(cls, question: MeshQuestion) -> tuple[Self | None, Collapse]:
         """The peak of the path to a collapse; if it is asked for, at any cost."""
         end = question.end
         case = question.case

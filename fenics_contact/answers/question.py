@@ -6,51 +6,76 @@ A new answer is a class derived from `Asked`, in a file of its own in this folde
 from __future__ import annotations
 
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.errors import Stopped
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.output.view import view_of
+from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.scene.scene import SolveOptions
 
 
-@dataclass(frozen=True)
-class Question:
-    """A collapse of which something is asked.
+@dataclass(frozen=True, kw_only=True)
+class Question(ABC):
+    """A collapse of which something is asked, of blocks with a mesh or without.
 
     Attributes:
-        case: Its load case.
-        end: The collapse; load factors have the sign of the load case.
-        cost: Of the collapse, in units of one factorisation of the structure.
-        by_curve: Whether a capacity curve is traced, so that the path is followed anyway.
+        scene: What was asked for.
+        end: The collapse; empty as long as it is looked for.
         begun: What was begun before the collapse was known; None for nothing.
     """
 
-    case: LoadCase
-    end: Collapse
-    cost: float
-    by_curve: bool = False
+    scene: Any
+    end: Collapse = field(default_factory=Collapse)
     begun: Future[Any] | None = None
 
     @property
-    def options(self) -> SolveOptions:
-        """What the scene asks for."""
-        return self.case.discretization.scene.solve
+    @abstractmethod
+    def view(self) -> BlockView:
+        """What blocks and contacts do in the collapse."""
 
     @property
-    def unrecorded(self) -> Question:
-        """The same, such that the record of the search for the collapse stays as it is."""
-        return replace(self, case=self.case.unrecorded)
+    @abstractmethod
+    def stopped(self) -> str:
+        """Why the run is to end, in words; empty while it goes on."""
 
-    def by_faces(self) -> bool:
-        """Whether the forces of joint faces led to the collapse, and no path."""
-        return self.end.engine == "faces"
+    @property
+    def options(self) -> SolveOptions:
+        """What the scene asks for of the search."""
+        options: SolveOptions = self.scene.solve
+        return options
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshQuestion(Question):
+    """A collapse of meshed blocks; load factors have the sign of the load case.
+
+    Attributes:
+        case: Its load case.
+        cost: Of the collapse, in units of one factorisation of the structure.
+        by_curve: Whether a capacity curve is traced, so that the path is followed anyway.
+    """
+
+    case: LoadCase
+    cost: float = 0.0
+    by_curve: bool = False
+
+    @property
+    def view(self) -> BlockView:
+        """What blocks and joints do in the collapse."""
+        return view_of(self.case.discretization.layout, np.asarray(self.end.mode)).blocks
+
+    @property
+    def stopped(self) -> str:
+        """Why the run is to end, in words; empty while it goes on."""
+        return self.case.discretization.effort.watch.reason
 
     def by_rising_load(self) -> bool:
         """Whether a load that rises step by step led to it."""
@@ -70,10 +95,18 @@ class Question:
         return self.end.mode is not None and problem.dot(problem.live, self.end.mode) < 0.0
 
 
+#: What may hold of a question, and why an answer is not known then.
+Reasons = tuple[tuple[Callable[[Any], bool], str], ...]
+
+
 class Asked(Answer):
     """An answer that is looked for once a collapse is found.
 
+    One that only adds to the collapse, or corrects it, has no text of its own: `run` gives None.
+
     Class attributes besides those of `Answer`:
+        every: All kinds; a class that says how it runs is one of them.
+        asks: Of which collapses it is looked for.
         may_replace: Whether another collapse may take the place of the one that is asked of; it is
             asked before the others then.
         with_fast: Whether it is asked with `fast` too.
@@ -82,10 +115,18 @@ class Asked(Answer):
         of_curve: Whether it is asked again, at any cost, where a capacity curve is traced.
     """
 
+    every: ClassVar[list[type[Asked]]] = []
+    asks: ClassVar[type[Question]] = MeshQuestion
     may_replace: ClassVar[bool] = False
     with_fast: ClassVar[bool] = False
-    unless: ClassVar[tuple[tuple[Callable[[Question], bool], str], ...]] = ()
+    unless: ClassVar[Reasons] = ()
     of_curve: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        """A kind that can be asked is one of all."""
+        super().__init_subclass__()
+        if "run" in vars(cls) or "asks" in vars(cls):
+            Asked.every.append(cls)
 
     @classmethod
     def is_asked(cls, options: SolveOptions) -> bool:
@@ -94,8 +135,13 @@ class Asked(Answer):
         return asked and (cls.with_fast or not options.fast)
 
     @classmethod
-    def concerns(cls, question: Question) -> bool:
-        """Whether a verified collapse has such an answer at all."""
+    def is_of(cls, end: Collapse) -> bool:
+        """Whether such a collapse has answers of this kind: verified ones have."""
+        return end.status == "limit" and end.mode is not None
+
+    @classmethod
+    def concerns(cls, question: Any) -> bool:
+        """Whether a collapse has such an answer at all."""
         return True
 
     @classmethod
@@ -110,83 +156,82 @@ class Asked(Answer):
 
     @classmethod
     @abstractmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+    def run(cls, question: Any) -> tuple[Self | None, Collapse]:
         """The answer, or None, and the collapse with what else was found of it. Collective.
 
         Raises:
+            SolverError: If it is not found.
             Stopped: If the run is to end.
         """
 
 
-def kinds() -> list[type[Asked]]:
-    """Kinds of answers that are looked for: what may lead to another collapse comes first."""
-    found = [kind for kind in Answer.kinds.values() if issubclass(kind, Asked)]
-    return sorted(found, key=lambda kind: not kind.may_replace)
+def kinds(of: type[Question]) -> list[type[Asked]]:
+    """Kinds of answers for some questions: what may lead to another collapse comes first."""
+    found = [kind for kind in Asked.every if issubclass(of, kind.asks)]
+    return sorted(found, key=lambda kind: (not kind.may_replace, kind.place))
 
 
 def begun(case: LoadCase) -> dict[str, Future[Any]]:
     """What of the answers that a scene asks for needs no collapse, by name."""
-    asked = [kind for kind in kinds() if kind.is_asked(case.discretization.scene.solve)]
+    options = case.discretization.scene.solve
+    asked = [kind for kind in kinds(MeshQuestion) if kind.is_asked(options)]
     tasks = {kind.name: kind.begin(case) for kind in asked}
     return {name: task for name, task in tasks.items() if task is not None}
 
 
 def answered(
-    case: LoadCase,
-    end: Collapse,
-    cost: float,
-    tasks: Mapping[str, Future[Any]],
-    begin: Callable[[str], None],
+    question: Question,
+    tell: Callable[[str], None],
     seconds: dict[str, float],
+    tasks: Mapping[str, Future[Any]] | None = None,
 ) -> Collapse:
     """A collapse with all that its scene asks for beside the load factor. Collective.
 
     Args:
-        case: Its load case.
-        end: The collapse.
-        cost: Of it, in units of one factorisation of the structure.
-        tasks: What was begun before it was known, see `begun`.
-        begin: Told what begins.
+        question: The collapse.
+        tell: Told what begins.
         seconds: Gets the time of every answer.
+        tasks: What was begun before it was known, see `begun`.
     """
-    made = case.discretization
-    options = made.scene.solve
-    for kind in kinds():
-        if not kind.is_asked(options):
+    for kind in kinds(type(question)):
+        if not kind.is_asked(question.options):
             continue
         start = time.perf_counter()
-        if kind.begins and not (options.fast or made.effort.watch.reason):
-            begin(kind.begins)
-        end = asked(kind, Question(case, end, cost, begun=tasks.get(kind.name)))
+        task = tasks.get(kind.name) if tasks else None
+        question = replace(question, end=asked(kind, replace(question, begun=task), tell))
         if kind.seconds:
             spent = seconds.get(kind.seconds, 0.0)
             seconds[kind.seconds] = spent + time.perf_counter() - start
-    return end
+    return question.end
 
 
-def asked(kind: type[Asked], question: Question) -> Collapse:
+def asked(
+    kind: type[Asked], question: Question, tell: Callable[[str], None] = lambda text: None
+) -> Collapse:
     """A collapse with one answer; it is not known why, where something stands against it."""
     end = question.end
+    if not (kind.is_of(end) and kind.concerns(question)):
+        return end
     answer: Answer | None = None
-    if end.status == "limit" and end.mode is not None and kind.concerns(question):
-        reasons = [reason for holds, reason in kind.unless if holds(question)]
-        stopped = question.case.discretization.effort.watch.reason
+    reasons = [reason for holds, reason in kind.unless if holds(question)]
+    if reasons:
+        answer = kind.not_known(reasons[0]) if reasons[0] else None
+    elif question.stopped and kind.begins:
+        answer = kind.not_known(question.stopped)
+    else:
+        if kind.begins and not question.options.fast:
+            tell(kind.begins)
         try:
-            if reasons:
-                answer = kind.not_known(reasons[0]) if reasons[0] else None
-            elif stopped and kind.begins:
-                answer = kind.not_known(stopped)
-            else:
-                answer, end = kind.run(question)
-        except Stopped as stop:
-            answer = kind.not_known(str(stop))
+            answer, end = kind.run(question)
+        except (SolverError, Stopped) as error:
+            answer, end = kind.not_known(str(error)), replace(end, stopped=str(error))
     return end if answer is None else end.with_answer(answer)
 
 
-def of_curve(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+def of_curve(question: Question) -> Collapse:
     """A collapse with the answers that a capacity curve needs, at any cost."""
-    for kind in kinds():
-        known = end.answers.get(kind.name)
-        if kind.of_curve and known is not None and known.value.status == "not_known":
-            end = asked(kind, Question(case, end, cost, by_curve=True))
-    return end
+    for kind in kinds(type(question)):
+        known = question.end.answers.get(kind.name) if kind.of_curve else None
+        if known is not None and known.value.status == "not_known":
+            question = replace(question, end=asked(kind, question))
+    return question.end

@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.question import Asked, MeshQuestion
 from fenics_contact.collapse.rigid_blocks.model import BlockModel, LinearProgram
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Flags
@@ -79,10 +79,10 @@ class RangeAnswer(Asked):
     value: MechanismRange
     name = key = seconds = "range"
     place = 5
-    unless = ((Question.has_many_blocks, f"it is {NOT_AT_THIS_SIZE}"),)
+    unless = ((MeshQuestion.has_many_blocks, f"it is {NOT_AT_THIS_SIZE}"),)
 
     @classmethod
-    def concerns(cls, question: Question) -> bool:
+    def concerns(cls, question: MeshQuestion) -> bool:
         """Unless joints have a compressive strength: that limits forces, too."""
         return question.end.joints is not None and not question.case.blocks.has_strength
 
@@ -92,7 +92,7 @@ class RangeAnswer(Asked):
         return cls(MechanismRange("not_known", reason=reason))
 
     @classmethod
-    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+    def run(cls, question: MeshQuestion) -> tuple[Self | None, Collapse]:
         """The range of the mechanism of a collapse, which rank 0 solves for."""
         case = question.case
         end = question.end

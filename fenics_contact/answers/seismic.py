@@ -21,7 +21,6 @@ import numpy as np
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.output.view import view_of
 from fenics_contact.results.block_view import AMPLITUDE, BlockView
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.wording import Line, Wording
@@ -106,12 +105,13 @@ class SeismicAnswer(Asked):
     value: SeismicCheck
     name = key = "seismic"
     place = 7
+    asks = Question
     by_direction = with_fast = True
 
     @classmethod
     def concerns(cls, question: Question) -> bool:
         """Whether the scene asks for the check."""
-        return question.case.discretization.scene.seismic is not None
+        return question.scene.seismic is not None
 
     @classmethod
     def asked_by(cls, scene: Shared) -> str:
@@ -122,15 +122,9 @@ class SeismicAnswer(Asked):
     @classmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:
         """The check of a collapse."""
-        layout = question.case.discretization.layout
-        end = question.end
-        scene = layout.scene
-        options = scene.seismic
-        if options is None or end.mode is None or end.joints is None:
-            return None, end
+        scene, end = question.scene, question.end
         gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
-        view = view_of(layout, end.mode).blocks
-        check = seismic_check(view, options, end.load_factor, gravity, push)
+        check = seismic_check(question.view, scene.seismic, end.load_factor, gravity, push)
         return None if check is None else cls(check), end
 
     def record(self) -> dict[str, Any]:

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import NamedTuple
 
 from fenics_contact.collapse.face_collapse import Searched, begun_search, face_collapse
 from fenics_contact.collapse.followed_path import FOLLOW
@@ -22,6 +20,7 @@ from fenics_contact.collapse.load_control import raise_load
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.work_control import find_collapse, growth
 from fenics_contact.errors import Stopped
+from fenics_contact.faces.limit import SearchWay, applicable
 from fenics_contact.results.history import alike_as_one
 from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
@@ -32,20 +31,6 @@ _log = logging.getLogger("fenics_contact")
 FEW = f"it is asked below {SEARCH.large_wall} blocks"
 
 
-class Engine(NamedTuple):
-    """A row of the table.
-
-    Attributes:
-        name: What people read.
-        refuses: Why it is not asked where the scene asks for none alone; empty where it is.
-        collapse: The collapse by it.
-    """
-
-    name: str
-    refuses: Callable[[Run], str]
-    collapse: Callable[[Run], Collapse]
-
-
 class Run:
     """The search for one collapse: the facts that decide on engines, and what these found.
 
@@ -54,6 +39,7 @@ class Run:
         end: Of the path.
         search: By the face engine, begun beside the path.
         found: By the face engine.
+        answered: Which engine has answered, in words; empty while none has.
     """
 
     def __init__(self, case: LoadCase) -> None:
@@ -69,6 +55,7 @@ class Run:
         self.end: Collapse | None = None
         self.search: Future[Searched] | None = None
         self.found: Collapse | None = None
+        self.answered = ""
 
     def _asked(self) -> str:
         asked = self.options.engine
@@ -80,11 +67,10 @@ class Run:
             return "rising load"
         return asked if asked != "auto" else "path" * (self.options.method != "auto")
 
-    def refusal(self, engine: Engine) -> str:
+    def refusal(self, engine: SearchWay) -> str:
         """Why an engine is not asked; empty where it is."""
-        if not self.asked:
-            return engine.refuses(self)
-        return "" if engine.name == self.asked else f"{self.asked} alone is asked for"
+        alone = f"{self.asked} alone is asked for" * (engine.name != self.asked)
+        return (alone if self.asked else engine.refuses(self)) or self.answered
 
     def is_answer(self, end: Collapse) -> bool:
         """Whether no other engine need be asked."""
@@ -100,18 +86,14 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     """
     run = Run(case)
     reasons = []
-    for engine in ENGINES:
-        if why := run.refusal(engine):
-            _log.info("  engine %s: not asked: %s", engine.name, why)
-            continue
-        end = engine.collapse(run)
+    for engine in applicable(ENGINES, run.refusal, "engine "):
+        end: Collapse = engine.goes(run)
         _log.info("  engine %s: %s %.6g", engine.name, end.status, end.load_factor)
-        if run.is_answer(end):
-            for other in ENGINES[ENGINES.index(engine) + 1 :]:
-                why = run.refusal(other) or f"{engine.name} has answered"
-                _log.info("  engine %s: not asked: %s", other.name, why)
-            return end
         reasons.append(end.reason)
+        if run.is_answer(end):
+            run.answered = f"{engine.name} has answered"
+    if run.answered:
+        return end
     reason = "; ".join(filter(None, dict.fromkeys(reasons)))
     return replace(run.end or end, status="not_converged", reason=reason)
 
@@ -191,8 +173,8 @@ def _refuses_rising_load(run: Run) -> str:
 
 #: All engines, in the order in which they are asked.
 ENGINES = (
-    Engine("path", lambda run: "", _by_path),
-    Engine("follow", _refuses_follow, _followed),
-    Engine("faces", lambda run: "", _by_faces),
-    Engine("rising load", _refuses_rising_load, _by_rising_load),
+    SearchWay("path", lambda run: "", _by_path),
+    SearchWay("follow", _refuses_follow, _followed),
+    SearchWay("faces", lambda run: "", _by_faces),
+    SearchWay("rising load", _refuses_rising_load, _by_rising_load),
 )

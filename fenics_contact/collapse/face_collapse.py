@@ -12,7 +12,6 @@ that blocks strained from rest would exert them is not claimed.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
@@ -22,23 +21,20 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.discretization.layout import PlaceAtStrength
-from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.errors import Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import PATH_FIRST, WAYS, FaceAttempt, FaceSearch, SearchWay
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.certificate import Certificate
-from fenics_contact.results.history import Trial
+from fenics_contact.results.history import trials
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import PER_METRE
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, State
 from fenics_contact.workers import result_of
-
-_log = logging.getLogger("fenics_contact")
-
 
 #: Joints that crush that the report lists.
 LISTED = 8
@@ -97,15 +93,9 @@ def searched(
 ) -> Searched:
     """A task: the search for a certified state with the gap asked for."""
     search = FaceSearch(model, asked, check_stop=wait)
-    stopped = ""
-    try:
-        search.run(ways=ways)
-    except Stopped as stop:
-        stopped = str(stop)
-    except SolverError as error:  # faces that do not hold the blocks
-        _log.info("  %s", error)
+    error = search.tried(ways=ways)  # a SolverError: faces that do not hold the blocks
     way = search.way if search.way in ("follow", "half") else ""
-    return search.best, way, search.attempts, stopped
+    return search.best, way, search.attempts, str(error) * isinstance(error, Stopped)
 
 
 def _asked_gap(case: LoadCase) -> float:
@@ -141,13 +131,9 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
         except Stopped as stop:
             found = (None, "", [], str(stop))
     state, way, attempts, stopped = case.problem.comm.bcast(found)
-    trials: list[Trial] = []
-    for attempt in attempts:  # their factorisations are those of small systems
-        near = bool(np.isfinite(attempt.gap))
-        trials.append(Trial(f"faces: {attempt.name}", np.nan, attempt.outcome, near, 0, 0.0))
     record = case.record.attempts
     first = 0 if search is not None else len(record)  # it was begun before all others
-    record[first:first] = trials
+    record[first:first] = trials(attempts, "faces: ")
     with effort.unwatched():
         if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
             end = replace(collapse_of(case, faces, state, asked), way=way)

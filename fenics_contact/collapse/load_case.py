@@ -41,8 +41,6 @@ from fenics_contact.workers import InPlace, check_asked_to_stop
 falling = partial(Continuation, path=FALLING_PRODUCTS)
 rising = partial(Continuation, path=RISING_WORK)
 
-#: Sign of the live load by direction.
-SIGNS = {"positive": 1.0, "negative": -1.0}
 #: Displacements expected, in units of the largest movement of a support: mechanisms multiply it.
 MOVED = 10.0
 

@@ -14,12 +14,14 @@ enough, the best one's load factor is let free, and then the associative limit i
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.follow import Followed, followed
@@ -37,8 +39,11 @@ from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
 
-#: Name of an attempt.
+#: Names of attempts.
 LOADING_PATH = "loading path"
+FURTHER_LAW = "compressive strength, by power cones"
+#: How a state was reached, by what the name of the attempt begins with.
+LED = {LOADING_PATH: "follow", "theta": "half", "convex": "convex", "": "one shot"}
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,6 @@ class FaceAttempt:
     """What was tried: its name, the gap that it came to, factorisations until then."""
 
     name: str
-    load_factor: float
     gap: float
     factorizations: int
 
@@ -56,19 +60,29 @@ class FaceAttempt:
         return f"a state with gap {self.gap:.1e}" if np.isfinite(self.gap) else "no state"
 
 
-@dataclass(frozen=True)
-class SearchWay:
-    """A way to certified states.
+class SearchWay(NamedTuple):
+    """A row of a table of what is tried in turn.
 
     Attributes:
-        name: What the console calls it.
-        refuses: Why it is not gone, in words; empty where it is.
-        goes: Looks for states.
+        name: What people read.
+        refuses: Why it is not asked, in words; empty where it is.
+        goes: Looks for a state.
     """
 
     name: str
-    refuses: Callable[[FaceSearch], str]
-    goes: Callable[[FaceSearch], None]
+    refuses: Callable[[Any], str]
+    goes: Callable[[Any], Any]
+
+
+def applicable(
+    ways: Sequence[SearchWay], refusal: Callable[[SearchWay], str], kind: str = ""
+) -> Iterator[SearchWay]:
+    """Those of a table that are to be tried, in order; why others are not is logged."""
+    for way in ways:
+        if why := refusal(way):
+            _log.info("  %s%s: not asked: %s", kind, way.name, why)
+        else:
+            yield way
 
 
 class FaceSearch:
@@ -124,13 +138,19 @@ class FaceSearch:
             ways: Those that are gone, in order; by default `WAYS`.
         """
         self.hopeless = hopeless
-        for way in ways or WAYS:
-            if why := self.ended or way.refuses(self):
-                _log.info("  %s: not asked: %s", way.name, why)
-                continue
+        for way in applicable(ways or WAYS, lambda way: way.refuses(self)):
             way.goes(self)
             self.ended = "a state was found" if self._found else self.ended
         return self.best
+
+    def tried(self, *arguments: Any, **named: Any) -> SolverError | Stopped | None:
+        """Search as `run` does; what ended that early."""
+        try:
+            self.run(*arguments, **named)
+        except (SolverError, Stopped) as error:
+            _log.info("  %s", error)
+            return error
+        return None
 
     def along_path(self) -> None:
         """The state that a load which rises from rest leads to, the end of the loading path.
@@ -145,7 +165,7 @@ class FaceSearch:
             )
         except SolverError as error:
             _log.debug("  loading path: %s", error)
-            self._take(LOADING_PATH, np.nan, None)
+            self._take(LOADING_PATH, None)
             self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         else:
             end = path.iterate.load_factor
@@ -154,7 +174,7 @@ class FaceSearch:
             near = 1.01 * SEARCH.rough_gap * self.model.size(end)
             sure = found and found.gap > -SEARCH.agrees and abs(found.load_factor - end) <= near
             if path.is_whole or sure:
-                self._take(LOADING_PATH, end, found)
+                self._take(LOADING_PATH, found)
             if not (path.is_whole or self._found):
                 self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         self._effort += self.equations.factorizations - spent  # what else is tried has its own
@@ -186,6 +206,16 @@ class FaceSearch:
         """The states of the associative limit, of either sign of work."""
         self._from_associative()
 
+    def by_further_law(self) -> None:
+        """The state within the law that the kernel leaves out, from the best one without it.
+
+        Where there is none the best one stays: what it misses is told.
+        """
+        law, best = self.model.further, self.best
+        found = None if law is None else law.state(self.model, best, self._asked, self._check_stop)
+        self.best = found or best
+        self._note(FURTHER_LAW, found)
+
     def with_friction(self, most: float) -> FaceSearch:
         """A search of its own on the same units with so much friction at most."""
         friction, dilatancy = np.minimum([self.model.friction, self.model.dilatancy], most)
@@ -195,8 +225,7 @@ class FaceSearch:
     @property
     def way(self) -> str:
         """How the best state was reached: "follow", "half", "convex" or "one shot"."""
-        names = {LOADING_PATH: "follow", "theta": "half", "convex": "convex"}
-        return next((way for name, way in names.items() if self._name.startswith(name)), "one shot")
+        return next((way for name, way in LED.items() if self._name.startswith(name)), "")
 
     def _from_best(self, rounds: int, way: str = "") -> None:
         """States of least gap for modes of the best state, their load factors let free."""
@@ -205,7 +234,7 @@ class FaceSearch:
             if before is None or self._found:
                 return
             self._check_stop()
-            self._take(f"{way}the best state", before.load_factor, self._certifier.of(before.force))
+            self._take(f"{way}the best state", self._certifier.of(before.force))
             best = self.best or before
             if self._found or self.is_spent or not best.gap < 0.9 * before.gap:
                 return
@@ -227,7 +256,7 @@ class FaceSearch:
             least = upper.load_factor - SEARCH.rough_gap * size
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
-            self._take(f"{way}associative friction, work {sign:+g}", upper.load_factor, found)
+            self._take(f"{way}associative friction, work {sign:+g}", found)
             if self._found:
                 return
 
@@ -318,40 +347,51 @@ class FaceSearch:
         size = self.model.size(state.load_factor)
         if found and abs(found.load_factor - state.load_factor) > 1.01 * SEARCH.part_gap * size:
             name += ", another state"
-        self._take(name, state.load_factor, found)
+        self._take(name, found)
         return limit
 
-    def _take(self, name: str, load_factor: float, found: FaceState | None) -> None:
+    def _take(self, name: str, found: FaceState | None) -> None:
         """Record an attempt, and keep its state if it is the best."""
         if found and (self.best is None or self._rank(found) < self._rank(self.best)):
             self.best = found
             self._name = name
+        self._note(name, found)
+
+    def _note(self, name: str, found: FaceState | None) -> None:
+        """Record an attempt."""
         gap = np.nan if found is None else found.gap
-        attempt = FaceAttempt(name, load_factor, gap, self.equations.factorizations)
-        self.attempts.append(attempt)
-        _log.debug("  %s", attempt)
-
-
-def _never(search: FaceSearch) -> str:
-    return ""
+        self.attempts.append(FaceAttempt(name, gap, self.equations.factorizations))
+        _log.debug("  %s", self.attempts[-1])
 
 
 def _where_few(search: FaceSearch) -> str:
-    return "" if search.model.has_many_blocks else "there are few blocks"
+    return search.ended or "there are few blocks" * (not search.model.has_many_blocks)
 
 
 def _where_many(search: FaceSearch) -> str:
-    return "there are many blocks" if search.model.has_many_blocks else ""
+    return search.ended or "there are many blocks" * search.model.has_many_blocks
 
 
+def _where_all_is_known(search: FaceSearch) -> str:
+    if search.model.further is None:
+        return "the ways before know all laws"
+    none = search.best is None or (search.hopeless is not None and search.hopeless())
+    return "there is no state without it" * none
+
+
+_ENDED = attrgetter("ended")
 #: Ways of a search, in the order in which they are gone.
 WAYS = (
     SearchWay("convex programs", _where_few, FaceSearch.by_convex_programs),
-    SearchWay("Coulomb's law", _never, FaceSearch.by_coulomb),
-    SearchWay("half of Coulomb's law", _never, FaceSearch.by_half),
-    SearchWay("states beside the best one", _never, FaceSearch.beside_best),
-    SearchWay("associative friction", _never, FaceSearch.by_associative),
+    SearchWay("Coulomb's law", _ENDED, FaceSearch.by_coulomb),
+    SearchWay("half of Coulomb's law", _ENDED, FaceSearch.by_half),
+    SearchWay("states beside the best one", _ENDED, FaceSearch.beside_best),
+    SearchWay("associative friction", _ENDED, FaceSearch.by_associative),
 )
 #: The loading path before them, at any size; and as blocks without a mesh are asked.
-PATH_FIRST = (SearchWay(LOADING_PATH, _never, FaceSearch.along_path), *WAYS)
-WAYS_OF_BLOCKS = (SearchWay(LOADING_PATH, _where_many, FaceSearch.along_path), *WAYS)
+PATH_FIRST = (SearchWay(LOADING_PATH, _ENDED, FaceSearch.along_path), *WAYS)
+WAYS_OF_BLOCKS = (
+    SearchWay(LOADING_PATH, _where_many, FaceSearch.along_path),
+    *WAYS,
+    SearchWay(FURTHER_LAW, _where_all_is_known, FaceSearch.by_further_law),
+)

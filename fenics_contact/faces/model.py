@@ -18,6 +18,8 @@ their stiffness S equilibrium is H^T x + f_D + lambda f_L - S d = 0.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,6 +32,21 @@ from fenics_contact.search_options import SEARCH
 
 #: Typical forces of a block are so many times its own load at most: as many others stand on it.
 CARRIED = 100.0
+
+
+class FurtherLaw(ABC):
+    """A law of several units at once, which the kernel does not know, with its own programs."""
+
+    @abstractmethod
+    def state(self, model: FaceModel, state: Any, asked: float, check: Callable[[], None]) -> Any:
+        """The state of least gap within this law, from one without it; None if none was found.
+
+        Args:
+            model: The units.
+            state: A `faces.certificate.FaceState`, as the one that is found.
+            asked: Largest gap, relative.
+            check: Called between programs; may raise `Stopped`.
+        """
 
 
 @dataclass(frozen=True)
@@ -54,6 +71,7 @@ class FaceModel:
             which load factors are small; None: all of f_D.
         block: Number of the block of every motion, shape (motions,); None: all are as of one.
         stiffness: S, sparse, shape (motions, motions); None: all motions are rigid.
+        further: Law that the kernel leaves out; None: it knows all.
     """
 
     motion: Any
@@ -70,6 +88,7 @@ class FaceModel:
     weights: Array | None = None
     block: Indices | None = None
     stiffness: Any = None
+    further: FurtherLaw | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.answers.seismic import SeismicCheck
+from fenics_contact.answers.question import Asked
+from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
 from fenics_contact.motion.files import draw_beyond, with_way, write_poses, write_table
 from fenics_contact.results.block_view import BlockView
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.result import Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.scene import OutputOptions
+from fenics_contact.spatial.question import BlockQuestion
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
@@ -32,14 +33,38 @@ TITLE = "After the peak"
 TWISTS = 0.1
 
 
-class BeyondAnswer(Answer):
+class BeyondAnswer(Asked):
     """What is left of a limit in large displacements, a `Beyond`."""
 
     value: Beyond
     name = key = "beyond"
     place = 9
     begins = "after the peak"
-    by_direction = True
+    asks = BlockQuestion
+    by_direction = with_fast = True
+
+    @classmethod
+    def concerns(cls, question: BlockQuestion) -> bool:
+        """Whether the scene asks for the way after the peak, or for what needs it."""
+        seismic = question.scene.seismic
+        return bool(question.options.beyond) or (seismic is not None and seismic.nonlinear)
+
+    @classmethod
+    def run(cls, question: BlockQuestion) -> tuple[Self | None, Collapse]:
+        """The way, and the seismic check with the non-linear one."""
+        scene, structure, end = question.scene, question.structure, question.end
+        asked = scene.solve.beyond
+        until = math.inf if isinstance(asked, bool) else float(asked)
+        stop = {"control": scene.output.control, "check_stop": question.check_stop}
+        way = beyond(structure, end, until=until, **stop)
+        if way is None:
+            _log.warning("warning: solve.beyond: %s", NO_BEGIN)
+            return None, end
+        start = end.answers.get(SeismicAnswer.name)
+        if start is not None and len(way.trusted) > 1:
+            further = check_along(scene, structure, end, way, start.value)
+            end = end.with_answer(SeismicAnswer(replace(start.value, nonlinear=further)))
+        return cls(way), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The way, and how far it is to be trusted."""
@@ -71,31 +96,6 @@ class BeyondAnswer(Answer):
             write_poses(self.value, view, folder)
         if output.pictures:
             draw_beyond(self.value, view, folder, output.formats)
-
-
-def asks_beyond(scene: BlockScene) -> bool:
-    """Whether a scene asks for the way after the peak, or for what needs it."""
-    seismic = scene.seismic
-    return bool(scene.solve.beyond) or (seismic is not None and seismic.nonlinear)
-
-
-def with_beyond(
-    scene: BlockScene,
-    structure: Structure,
-    found: Collapse,
-    start: SeismicCheck | None,
-    check_stop: Callable[[], None],
-) -> tuple[Collapse, SeismicCheck | None]:
-    """A limit with its way, and its seismic check with the non-linear one."""
-    asked = scene.solve.beyond
-    until = math.inf if isinstance(asked, bool) else float(asked)
-    way = beyond(structure, found, until=until, control=scene.output.control, check_stop=check_stop)
-    if way is None:
-        _log.warning("warning: solve.beyond: %s", NO_BEGIN)
-        return found, start
-    if start is not None and len(way.trusted) > 1:
-        start = replace(start, nonlinear=check_along(scene, structure, found, way, start))
-    return found.with_answer(BeyondAnswer(way)), start
 
 
 def check_along(

@@ -345,7 +345,7 @@ def _left_out(structure: Structure) -> Iterator[str]:
     """Laws of contacts that a path does not follow."""
     if any(law.dilatancy for law in structure.laws):
         yield "dilatancy"
-    if np.any(structure.crushes):
+    if np.any(structure.limited):
         yield "crushing"
     if any(len(contact.corners) < 3 for contact in structure.contacts):
         yield "contacts in edges"

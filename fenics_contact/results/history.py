@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fenics_contact.faces.limit import FaceAttempt
 from fenics_contact.results.bounds import LoadFactor
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -225,6 +226,20 @@ class Trial:
     found: bool
     factorizations: int
     cost: float
+
+
+def trials(attempts: Iterable[FaceAttempt], of: str = "") -> tuple[Trial, ...]:
+    """Attempts of a search on the forces of faces (`faces.limit.FaceAttempt`).
+
+    Where these are named by what they are `of`, others are of the structure: the factorisations of
+    small systems are not told beside theirs.
+    """
+    return tuple(
+        Trial(
+            of + a.name, math.nan, a.outcome, math.isfinite(a.gap), a.factorizations * (not of), 0.0
+        )
+        for a in attempts
+    )
 
 
 @dataclass(frozen=True)

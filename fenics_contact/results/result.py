@@ -175,6 +175,11 @@ def known_bounds(bounds: LimitBounds) -> LimitBounds:
 UNKNOWN = partial(known_bounds, LimitBounds(None, None))
 
 
+def up_to(limit: float) -> Callable[[], LimitBounds]:
+    """The program of a bracket of which the upper end alone is known."""
+    return partial(known_bounds, LimitBounds(None, limit))
+
+
 @dataclass(frozen=True, repr=False)
 class Collapse:
     """One end of the range of load factors, or a state at a given one.

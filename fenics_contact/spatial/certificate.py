@@ -14,8 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_contact.faces.model import CARRIED
+from fenics_contact.faces.certificate import FaceState
+from fenics_contact.faces.model import CARRIED, FaceModel
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.results.bounds import rounded
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.result import Collapse
 from fenics_contact.search_options import SEARCH
@@ -29,7 +31,7 @@ ALLOWED = {
     "friction": 1e-6,
     "ties": 1e-6,
     "mode_penetration": 1e-5,
-    "crushing": 1e-5,  # a limit, in which it is told above `SEARCH.verified`
+    Crushing.key: 1e-5,  # a limit, in which it is told above `SEARCH.verified`
     "limit": SEARCH.rough_gap,
 }
 
@@ -66,10 +68,10 @@ def residuals_of(structure: Structure, collapse: Collapse) -> dict[str, float]:
     if force is None or tension is None:
         return {}
     count = len(force)
-    laws = ("friction", "dilatancy", "tensile_strength", "cohesion")
-    friction, dilatancy, tensile, cohesion = (structure.of_points(law) for law in laws)
+    laws = ("friction", "dilatancy", "tensile_strength")
+    friction, dilatancy, tensile = (structure.of_points(law) for law in laws)
     tensile = tensile * structure.points.area
-    cohesion = cohesion * structure.points.area
+    strength = structure.shear_strength
     yields = structure.yields
     missing = missing_forces(structure, force, tension, collapse.load_factor)
     missing[:, 3:] /= structure.size
@@ -82,25 +84,25 @@ def residuals_of(structure: Structure, collapse: Collapse) -> dict[str, float]:
     unit = np.minimum(*(sizes[block] for _, block, _ in structure.ends))[:count]
     normal = force[:, 0]
     shear = np.linalg.norm(force[:, 1:], axis=1)
-    closes = structure.crushes[structure.points.contact]
+    closes = structure.limited[structure.points.contact]
     found = {
         "equilibrium": float((np.abs(missing) / sizes[:-1][structure.number >= 0, None]).max()),
         "pressure": float(np.max((-normal - tensile) / unit)),
-        "friction": float(np.max((shear - cohesion - friction * normal) / unit)),
+        "friction": float(np.max((shear - strength - friction * normal) / unit)),
         "ties": float(np.max(np.maximum(-tension, tension - yields), initial=0.0)) / typical,
     }
-    if np.any(closes):
-        found["crushing"] = Crushing.of(structure).miss(normal) / typical
+    if structure.pressed is not None:
+        found[Crushing.key] = structure.pressed.miss(normal) / typical
     if mode is not None:
         moved = relative_motions(structure, mode)
         slip = np.linalg.norm(moved[:count, 1:], axis=1)
         opening = moved[:count, 0] - dilatancy * slip
-        own = cohesion + (friction - dilatancy) * normal
+        own = strength + (friction - dilatancy) * normal
         power = float(own @ slip + tensile @ np.maximum(opening, 0.0))
         power += float(yields @ np.maximum(moved[count:, 1], 0.0))
         power -= float(np.vdot(structure.dead, mode))
         work = float(np.vdot(structure.live, mode))
-        # Contacts that crush close, at a power that the programs know.
+        # Contacts of limited pressure close, at a power that the programs know.
         penetration = float(np.max(-opening[~closes], initial=0.0))
         found["mode_penetration"] = penetration / float(np.abs(moved).max())
         apart = abs(power / work - collapse.load_factor) / collapse.size
@@ -123,3 +125,42 @@ def certified(structure: Structure, state: Collapse, size: float, asked: float) 
     limit = state.load_factor + state.sign * gap * size
     certificate = replace(certificate, residuals=residuals, kinematic_factor=limit)
     return replace(state, gap=gap, certificate=certificate)
+
+
+def as_collapse(
+    structure: Structure, model: FaceModel, state: FaceState, sign: float, asked: float
+) -> Collapse:
+    """A state in the terms of the structure, held against it; no limit where it misses much.
+
+    Nor is one that needs the reverse of the live load: the dead load alone stands.
+    """
+    size = model.size(state.load_factor)
+    found = Collapse(
+        "limit",
+        rounded(sign * state.load_factor, size),
+        mode=structure.mode(state.mode),
+        engine="faces",
+        gap=abs(state.gap),
+        inside="friction",
+        sign=sign,
+        force=structure.point_forces(state.force),
+        tension=structure.tensions(state.force),
+    )
+    found = certified(structure, found, size, asked)
+    missed = found.certificate.failures if found.certificate else ()
+    text = f"misses {', '.join(missed).replace('_', ' ')}" if missed else ""
+    if not text and state.load_factor < -asked * model.size(0.0):
+        text = "is one of the reversed live load"
+    reason = f"the best state, with load factor {found.load_factor:.6g}, {text}"
+    return replace(found, status="not_converged", reason=reason) if text else found
+
+
+def held_against(structure: Structure, found: Collapse, force: Array) -> Collapse:
+    """A state with the engine's forces, held against blocks, contacts and laws."""
+    known = structure.point_forces(force), structure.tensions(force)
+    factor = found.given or 0.0
+    found = replace(found, load_factor=factor, force=known[0], tension=known[1])
+    found = certified(structure, found, abs(factor), SEARCH.gap)
+    text = found.certificate.missed if found.certificate else ""
+    status = "not_converged" if text else "equilibrium"
+    return replace(found, status=status, reason=f"the state misses {text}" if text else "")

@@ -19,19 +19,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.faces.certificate import FaceState
-from fenics_contact.faces.model import FaceModel
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.faces.model import FaceModel, FurtherLaw
+from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.points import polygon_centroid
-from fenics_contact.spatial.structure import Structure
 
 #: Pairs of programs at most.
 ROUNDS = 12
@@ -73,8 +72,8 @@ def rectangle_of(contact: Contact) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True)
-class Crushing:
-    """Contacts with a compressive strength.
+class Crushing(FurtherLaw):
+    """The law of contacts with a compressive strength.
 
     Attributes:
         resultants: Of the points' pressing forces: N, and 2 S_1 / b, 2 S_2 / h, sparse, shape (3
@@ -86,16 +85,18 @@ class Crushing:
     resultants: Any
     strength: Array
     given: Array
+    #: What it is called as a residual.
+    key: ClassVar[str] = "crushing"
 
     @classmethod
-    def of(cls, structure: Structure) -> Crushing:
-        """Those of a structure."""
+    def of(cls, structure: Any) -> Crushing:
+        """That of a `Structure`."""
         from scipy.sparse import csr_matrix, vstack
 
         points = structure.points
         rows = []
         strength = []
-        for number in np.flatnonzero(structure.crushes).tolist():
+        for number in np.flatnonzero(structure.limited).tolist():
             contact = structure.contacts[number]
             middle, axes, sides = rectangle_of(contact)
             mine = points.contact == number
@@ -106,7 +107,12 @@ class Crushing:
         given = structure.point_forces(np.zeros_like(structure.given_force))[:, 0]
         return cls(vstack(rows).tocsr(), np.array(strength), given)
 
-    def strengths(self, normal: Array) -> tuple[Array, Array]:
+    def at_strength(self, normal: Array, part: float, nothing: float) -> Flags:
+        """Which contacts carry a part of what they can, and more than next to nothing."""
+        force, most = self._strengths(normal)
+        return np.asarray((force > part * most) & (force > nothing * force.max()))
+
+    def _strengths(self, normal: Array) -> tuple[Array, Array]:
         """N of all contacts and what they carry at most, (f_c u v)^(1/3), N, by pressing forces."""
         force, first, second = (self.resultants @ normal).reshape(-1, 3).T
         sides = np.maximum(force - np.abs([first, second]), 0.0)
@@ -114,7 +120,7 @@ class Crushing:
 
     def miss(self, normal: Array) -> float:
         """By how much N is too large at most, N: N^3 <= f_c u v; of pressing forces of points."""
-        force, most = self.strengths(normal)
+        force, most = self._strengths(normal)
         return float(np.max(force - most))
 
     def limit(
@@ -194,53 +200,60 @@ class Crushing:
                 return float(unknowns[0]), forces, motion, -float(found.obj_val_dual)
         raise SolverError(f"Clarabel ended with {found.status}")
 
+    def part(self, model: FaceModel, given_force: Array) -> tuple[float, Array, Array]:
+        """The largest part of the live load of a model; forces at all of it, and the motion.
 
-class CrushedState(NamedTuple):
-    """A state that does not crush, as `faces.certificate.FaceState`."""
+        The part is what the motion proves at most. Forces are shares of those of that part: without
+        loads there are `given_force`s alone.
 
-    load_factor: float
-    force: Array
-    mode: Array
-    gap: float
+        Raises:
+            InputError: If clarabel is missing.
+            SolverError: If it finds none.
+        """
+        none = np.zeros(len(model.strength))
+        part, force, motion, most = self.limit(model, model.strength, model.friction, none)
+        share = 1.0 / max(part, 1e-300)
+        return most, share * force - (1.0 - share) * given_force, motion
 
+    def state(
+        self, model: FaceModel, state: FaceState, asked: float, check: Callable[[], None]
+    ) -> FaceState | None:
+        """The state of least gap with this law, from the state without; None without one.
 
-def crushed_state(
-    structure: Structure,
-    model: FaceModel,
-    state: FaceState,
-    asked: float,
-    check_stop: Callable[[], None],
-) -> CrushedState | None:
-    """The state of least gap with crushing, from the state without; None without one.
+        The mode of that bounds it, too: the gap has what crushing takes away, where no mode is
+        found.
 
-    The mode of that bounds it, too: the gap has what crushing takes away, where no mode is found.
+        Args:
+            model: The points.
+            state: Without this law.
+            asked: Largest gap, relative.
+            check: Called between programs; may raise `Stopped`.
 
-    Raises:
-        InputError: If clarabel is missing.
-        Stopped: If the search is to end.
-    """
-    crushing = Crushing.of(structure)
-    best: CrushedState | None = None
-    force = state.force
-    with suppress(SolverError):
-        for _ in range(ROUNDS):
-            check_stop()
-            own = model.own_strength(force)
-            none = np.zeros(len(own))
-            try:
-                _, _, motion, limit = crushing.limit(model, own, model.dilatancy, none)
-                motion = motion / float(model.live @ motion)
-            except SolverError:
-                if best is not None or state.sign < 0.0:
-                    raise
-                motion, limit = state.mode, model.power(state.mode).bound(own)
-            slip = model.power(motion).slip
-            cost = model.free_friction * slip
-            factor, force, _, _ = crushing.limit(model, model.strength, model.friction, cost)
-            upper = limit + float((model.own_strength(force) - own) @ slip)
-            gap = max(upper - factor, 0.0) / model.size(factor)
-            if best is None or gap < best.gap:
-                best = CrushedState(factor, force, motion, gap)
-            if gap <= min(asked, SEARCH.side_accuracy):
-                break
-    return best
+        Raises:
+            InputError: If clarabel is missing.
+        """
+        best: FaceState | None = None
+        force = state.force
+        with suppress(SolverError):
+            for _ in range(ROUNDS):
+                check()
+                own = model.own_strength(force)
+                none = np.zeros(len(own))
+                try:
+                    _, _, motion, limit = self.limit(model, own, model.dilatancy, none)
+                    motion = motion / float(model.live @ motion)
+                except SolverError:
+                    if best is not None or state.sign < 0.0:
+                        raise
+                    motion, limit = state.mode, model.power(state.mode).bound(own)
+                slip = model.power(motion).slip
+                cost = model.free_friction * slip
+                factor, force, _, _ = self.limit(model, model.strength, model.friction, cost)
+                upper = limit + float((model.own_strength(force) - own) @ slip)
+                gap = max(upper - factor, 0.0) / model.size(factor)
+                if best is None or gap < best.gap:
+                    known = {"load_factor": factor, "force": force, "mode": motion}
+                    best = replace(state, **known, upper=upper, gap=gap)
+                if gap <= min(asked, SEARCH.side_accuracy):
+                    break
+        return best

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.console import summary
+from fenics_contact.faces.limit import LED
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import ByDirection, Collapse
 from fenics_contact.results.values import listed_blocks
@@ -86,7 +87,7 @@ class SpatialLimit(ByDirection):
         lines = []
         for one in end.states[1:]:
             apart = abs(one.load_factor - end.load_factor) > ANOTHER * abs(end.load_factor)
-            if apart and not end.searched:
+            if apart and one.start in LED.values() and not end.searched:
                 text = words.beside(one.load_factor, end.load_factor, end.sign)
                 lines.append(Line("also found:", text, states=True))
         if end.falling:

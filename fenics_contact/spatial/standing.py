@@ -24,8 +24,7 @@ from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.history import Trial
 from fenics_contact.results.result import NOT_KNOWN, Collapse
 from fenics_contact.search_options import SEARCH
-from fenics_contact.spatial.certificate import certified
-from fenics_contact.spatial.crushing import Crushing
+from fenics_contact.spatial.certificate import held_against
 from fenics_contact.spatial.result import named
 from fenics_contact.spatial.structure import Structure
 
@@ -54,9 +53,13 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> Collapse:
         nothing, attempts=(replace(tried, outcome=f"a state with gap {state.gap:.1e}", found=True),)
     )
     found = held_against(structure, nothing, state.force)
-    if found.certificate and "crushing" in found.certificate.failures:
+    law = structure.pressed
+    if law is not None and found.certificate and law.key in found.certificate.failures:
         with suppress(SolverError):
-            part, force, motion = _uncrushed(structure, model, load_factor)
+            loads = structure.generalised(structure.dead + load_factor * structure.live)
+            given = model.dead - structure.generalised(structure.dead)
+            whole = replace(model, dead=given, live=loads)
+            part, force, motion = law.part(whole, structure.given_force)
             if part < 1.0 - SEARCH.verified:
                 return _fallen(structure, nothing, _numbers(structure, motion), " by crushing")
             return held_against(structure, nothing, force)
@@ -91,39 +94,6 @@ def _fallen(structure: Structure, found: Collapse, fall: tuple[int, ...], does: 
     return replace(found, status="unstable", reason=reason, falling=fall)
 
 
-def held_against(structure: Structure, found: Collapse, force: Array) -> Collapse:
-    """A state with the engine's forces, held against blocks, contacts and laws."""
-    known = structure.point_forces(force), structure.tensions(force)
-    factor = found.given or 0.0
-    found = replace(found, load_factor=factor, force=known[0], tension=known[1])
-    found = certified(structure, found, abs(factor), SEARCH.gap)
-    text = found.certificate.missed if found.certificate else ""
-    status = "not_converged" if text else "equilibrium"
-    return replace(found, status=status, reason=f"the state misses {text}" if text else "")
-
-
-def _uncrushed(
-    structure: Structure, model: FaceModel, load_factor: float
-) -> tuple[float, Array, Array]:
-    """The largest part of the loads that does not crush; forces at all of them, and the motion.
-
-    The part is what the motion proves at most. Forces are shares of those of that part: without
-    loads there are none.
-
-    Raises:
-        InputError: If clarabel is missing.
-        SolverError: If it finds none.
-    """
-    loads = structure.generalised(structure.dead + load_factor * structure.live)
-    given = model.dead - structure.generalised(structure.dead)
-    whole = replace(model, dead=given, live=loads)
-    crushing = Crushing.of(structure)
-    none = np.zeros(len(model.strength))
-    part, force, motion, most = crushing.limit(whole, model.strength, model.friction, none)
-    share = 1.0 / max(part, 1e-300)
-    return most, share * force - (1.0 - share) * structure.given_force, motion
-
-
 def falling(structure: Structure, model: FaceModel, load_factor: float = 0.0) -> tuple[int, ...]:
     """Numbers of the blocks that fall under the dead load and some live load; none if they stand.
 
@@ -151,10 +121,10 @@ def wedged_blocks(
 
     They do so from rest, or where they are `stressed` with any forces inside the cones.
     """
-    closes = structure.crushes[structure.points.contact][:: structure.pressing]
-    crushes = np.append(closes, np.zeros(len(structure.bars)))
+    closes = structure.limited[structure.points.contact][:: structure.pressing]
+    limited = np.append(closes, np.zeros(len(structure.bars)))
     dilatancy = model.friction if stressed else model.dilatancy
-    state = state_alone(replace(model, kappa=model.kappa + crushes, dilatancy=dilatancy))
+    state = state_alone(replace(model, kappa=model.kappa + limited, dilatancy=dilatancy))
     if state is None:
         return ()
     force = np.linalg.norm(state.force, axis=1)[: np.count_nonzero(~closes)]

@@ -12,6 +12,7 @@ import numpy as np
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
+from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.loads import Acting, Bar
 from fenics_contact.spatial.points import ends_of, points_of
 from fenics_contact.spatial.polyhedra import TINY, Block
@@ -182,10 +183,15 @@ class Structure:
         return [contact.area for contact, law in pairs if law.key == key]
 
     @cached_property
-    def crushes(self) -> Flags:
+    def limited(self) -> Flags:
         """Which contacts have an area and a compressive strength, shape (contacts,)."""
         plane = [len(contact.corners) > 2 for contact in self.contacts]
         return np.asarray(np.isfinite([law.compressive_strength for law in self.laws]) & plane)
+
+    @cached_property
+    def pressed(self) -> Crushing | None:
+        """The law of compressive strengths; None where no contact has one."""
+        return Crushing.of(self) if np.any(self.limited) else None
 
     @cached_property
     def axes(self) -> Array:
@@ -271,6 +277,11 @@ class Structure:
         given[self.faces :, self.pressing] = -0.5 * self.yields
         return given
 
+    @cached_property
+    def shear_strength(self) -> Array:
+        """What points carry without pressure, c A, N, shape (points,)."""
+        return self.of_points("cohesion") * self.points.area
+
     def point_forces(self, force: Array) -> Array:
         """Forces of points along their contact's axes, N, shape (points, 3), from the engine's.
 
@@ -278,8 +289,8 @@ class Structure:
         """
         whole = (force + self.given_force)[: self.faces]
         normal, shear = np.split(whole, [self.pressing], axis=1)
-        strength = (self.of_points("cohesion") * self.points.area).reshape(normal.shape)
-        bound = self.of_points("friction").reshape(normal.shape) * normal + strength
+        bound = self.of_points("friction").reshape(normal.shape) * normal
+        bound += self.shear_strength.reshape(normal.shape)
         share = np.maximum(bound, TINY)
         share /= share.sum(axis=1, keepdims=True)
         shear = (share[:, :, None] * shear[:, None]).reshape(-1, 3 - self.pressing)
@@ -333,6 +344,7 @@ class Structure:
             components=3 if self.dimension == 3 else 1,
             weights=weights,
             block=np.repeat(np.arange(motion.shape[1] // free), free),
+            further=None if np.any(self._kappa) else self.pressed,
         )
 
     @cached_property
@@ -341,5 +353,5 @@ class Structure:
         kappa = np.zeros(len(self.areas))
         if self.dimension == 2:
             strength = self.areas[: self.faces] * self.of_points("compressive_strength")[::2]
-            kappa[: self.faces][self.crushes] = 0.5 / strength[self.crushes]
+            kappa[: self.faces][self.limited] = 0.5 / strength[self.limited]
         return kappa

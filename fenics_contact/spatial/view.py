@@ -12,7 +12,6 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.files import LONGEST_TITLE, title_of
 from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
 from fenics_contact.results.result import Collapse
-from fenics_contact.spatial.crushing import Crushing
 from fenics_contact.spatial.result import SpatialLimit, ties_of
 from fenics_contact.spatial.structure import Structure
 
@@ -55,12 +54,10 @@ def _contacts(structure: Structure, force: Array | None) -> Contacts:
     """Its contacts, with forces of points along their axes, N, shape (points, 3)."""
     points = structure.points
     force = np.zeros((len(points.area), 3)) if force is None else force
-    crushes = structure.crushes.copy()
-    if crushes.any():
-        carried, most = Crushing.of(structure).strengths(force[:, 0])
-        crushes[crushes] = (carried > CRUSHES * most) & (carried > NOTHING * carried.max())
+    limited = structure.limited.copy()
+    if structure.pressed is not None:
+        limited[limited] = structure.pressed.at_strength(force[:, 0], CRUSHES, NOTHING)
     laws = structure.laws
-    cohesion = structure.of_points("cohesion") * points.area
     return Contacts(
         pairs=np.array([(one.first, one.second) for one in structure.contacts]),
         corners=[contact.corners for contact in structure.contacts],
@@ -70,8 +67,8 @@ def _contacts(structure: Structure, force: Array | None) -> Contacts:
         of_point=points.contact,
         force=np.einsum("pa,pad->pd", force, structure.axes[: len(force)]),
         friction=np.array([law.friction for law in laws]),
-        strength=np.bincount(points.contact, cohesion, len(laws)).astype(float),
-        crushes=crushes,
+        strength=np.bincount(points.contact, structure.shear_strength, len(laws)).astype(float),
+        crushes=limited,
     )
 
 

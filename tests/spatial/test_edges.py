@@ -306,7 +306,7 @@ def test_edges_have_no_area_and_are_told_of(tmp_path):
     blocks = {"a": knife(1.0), "b": tip(3.0, 0.5), "beam": BEAM}
     given = scene(blocks, 0.6, joints=strong, materials=crushes)
     structure = given.structure()
-    assert not structure.crushes.any() and not structure.points.area.any()
+    assert not structure.limited.any() and not structure.points.area.any()
     (told,) = structure.warnings
     assert "' and 'beam' touch in an edge or corner (and 1 more): it carries" in told
     assert "without cohesion, tensile strength or crushing; likewise '" in told

@@ -156,6 +156,20 @@ def test_lowest_state_is_no_higher_than_that_of_corner_forces(place):
     assert lowest.lowest.load_factor <= corners.load_factor * (1.0 + 1e-3)
 
 
+@pytest.mark.parametrize("friction", [0.3, 0.6])
+def test_the_lowest_state_of_a_wall_is_told(friction):
+    """Pushed out of its plane it has one state, at thickness / height."""
+    live = {"direction": [0.0, 1.0, 0.0]}
+    table = scene({"a": box((0, 0, 0), (1, 1, 1))}, friction, live, quick=True, states="lowest")
+    blocks = builders.wall(length=1.2, height=0.8, thickness=0.2, brick=(0.4, 0.2))
+    result = limit_load(replace(table, blocks=tuple(blocks)))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(0.25, rel=1e-3)
+    told = result.summary(verbose=True)
+    (line,) = [line for line in told.splitlines() if line.startswith("lower state:")]
+    assert line.split(":")[1].strip().startswith("none")
+
+
 def test_points_file_is_in_equilibrium(tmp_path):
     table = scene(tongues(3), 0.5, {"direction": [0.3, 1.0, 0.0]})
     limit_load(table).write(tmp_path)
