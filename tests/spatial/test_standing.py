@@ -316,4 +316,5 @@ def test_check_lists_what_loads_act_on(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "loads.live.traction.front: on 2 sides, area 2.2 m2, resultant (0, 1100, 0) N" in out
     assert "loads.live.force.thrust: on block stone, resultant (10000, 0, 0) N" in out
-    assert "floors.slab: on 1 side, area 1 m2, resultant (0, 0, -1000) N" in out
+    assert "floor slab: 1000 N/m2 at z = 2.2 m" in out
+    assert "on 1 side, area 1 m2, resultant (0, 0, -1000) N" in out
