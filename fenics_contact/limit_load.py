@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import replace
@@ -393,10 +393,11 @@ def solved_beside(scene: Scene, monitor: Monitor | None) -> dict[str, Any]:
 def _with_part(result: LimitLoad, part: dict[str, Any]) -> LimitLoad:
     """A result with what a worker found."""
     spent = "factorizations", "mode_factorizations", "cost"
+    ends = {**result.ends, **part["ends"]}
     return replace(
         result,
-        ends={**result.ends, **part["ends"]},
-        skipped=tuple(dict.fromkeys((*result.skipped, *part["skipped"]))),
+        ends=ends,
+        skipped=_skipped(result.scene, ends),
         stopped=result.stopped or part["stopped"],
         **{name: getattr(result, name) + part[name] for name in spent},
     )
@@ -447,6 +448,12 @@ def _collapse(
     return end
 
 
+def _skipped(scene: Scene, ends: Mapping[str, Collapse]) -> tuple[str, ...]:
+    """Parts of the analysis that were not needed, with the reasons."""
+    histories = [one for end in ends.values() for one in end.history]
+    return (*skipped(scene), *skipped_iterations(histories))
+
+
 def _result(
     discretization: Discretization,
     ends: dict[str, Collapse],
@@ -454,11 +461,10 @@ def _result(
     fall: Array | None = None,
 ) -> LimitLoad:
     ends = {name: _rounded(end, end.size) for name, end in ends.items()}
-    spared = skipped_iterations([one for end in ends.values() for one in end.history])
     return LimitLoad(
         discretization.layout,
         ends,
-        (*skipped(discretization.scene), *spared),
+        _skipped(discretization.scene, ends),
         seconds,
         discretization.factorizations(),
         discretization.mode_tally.count,

@@ -49,7 +49,7 @@ from fenics_contact.scene.rules import (
     ruled,
     within,
 )
-from fenics_contact.scene.toml_tables import assign, from_table, read_toml
+from fenics_contact.scene.toml_tables import assign, from_table, is_of_blocks, read_toml
 from fenics_contact.scene.units import UNITS, Units
 from fenics_contact.search_options import SEARCH
 
@@ -883,9 +883,8 @@ class Scene(Shared):
         Raises:
             InputError: If a table is wrong.
         """
-        plane = given.get("dimension", 2)
-        require(plane != 3, "dimension = 3: a scene in space is one of fenics_contact.spatial")
-        require(plane == 2, f"dimension = {shown(plane)} must be 2 or 3")
+        rigid = "a scene of rigid blocks: read it by Scene of fenics_contact.spatial"
+        require(not is_of_blocks(given), rigid)
         tables = from_table(_SceneTables, given)
         for name, one in given["materials"].items():
             for key in ("young", "poisson"):
