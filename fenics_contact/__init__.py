@@ -1,7 +1,7 @@
 """Limit loads of systems of blocks with unilateral contact and Coulomb friction.
 
 Names are imported when they are first used: the command line answers `--help` without dolfinx,
-and a name that needs it says what to install.
+and what needs it says what to install.
 """
 
 import sys
@@ -88,7 +88,7 @@ class _Face(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module 'fenics_contact' has no attribute '{name}'")
-        check_requirements()
+        check_requirements(mesh=False)
         found = getattr(import_module(f"fenics_contact.{_HOMES[name]}"), name)
         setattr(self, name, found)
         return found

@@ -18,10 +18,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from fenics_contact.lazily import Lazily, dolfinx_graph, dolfinx_mesh, fem, io, jit, la, ufl
+from fenics_contact.parallel import MPI, PETSc
 
 #: The C++ layer, which changes with versions.
 cpp = Lazily("dolfinx.cpp")

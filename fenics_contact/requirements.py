@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-#: Modules without which nothing is solved; gmsh is needed for most meshes only.
-NEEDED = ("dolfinx", "petsc4py", "mpi4py")
 
-#: The same that pip installs.
+class MissingError(ImportError):
+    """A module is not installed; the message has the ways to it."""
+
+
+#: Modules without which no meshed scene is solved; gmsh is needed for most meshes.
+OF_MESHES = ("dolfinx", "petsc4py", "mpi4py")
+
+#: Modules without which nothing is solved; pip installs them.
 BY_PIP = ("numpy", "scipy", "matplotlib", "shapely")
 
 #: Ways to these modules, for people.
@@ -24,24 +29,28 @@ Which of these were tested: docs/platforms.md"""
 GMSH_WAYS = "apt install python3-gmsh, conda install python-gmsh or pip install gmsh"
 
 
-def missing_requirements() -> str:
-    """Message with the needed modules that are not installed and the ways to them; else empty."""
+def missing_requirements(mesh: bool = True) -> str:
+    """Message with the modules that are not installed and the ways to them; else empty.
+
+    Args:
+        mesh: Whether a scene has a mesh; rigid blocks without one do with what pip installs.
+    """
     texts = []
     by_pip = f"(pip install {' '.join(BY_PIP)})"
     by_other_ways = f"(FEniCSx), and pip does not install them. Ways:\n{WAYS}"
-    for needed, cure in ((BY_PIP, by_pip), (NEEDED, by_other_ways)):
+    of_meshes = OF_MESHES if mesh else ()
+    for needed, cure in ((BY_PIP, by_pip), (of_meshes, by_other_ways)):
         if names := [name for name in needed if find_spec(name) is None]:
             listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
             texts.append(f"{listed} {'is' if len(names) == 1 else 'are'} not installed {cure}")
     return "; ".join(texts)
 
 
-def check_requirements() -> None:
+def check_requirements(mesh: bool = True) -> None:
     """Refuse to go on without the modules that are needed.
 
     Raises:
-        ImportError: With the ways to them.
+        MissingError: With the ways to them.
     """
-    message = missing_requirements()
-    if message:
-        raise ImportError(f"fenics_contact: {message}")
+    if message := missing_requirements(mesh):
+        raise MissingError(f"fenics_contact: {message}")

@@ -25,7 +25,7 @@ from fenics_contact.errors import (
     SolverError,
     raised_together,
 )
-from fenics_contact.requirements import missing_requirements
+from fenics_contact.requirements import MissingError, missing_requirements
 from fenics_contact.version import __version__
 from fenics_contact.workers import InPlace, Processes
 
@@ -52,11 +52,11 @@ units of scene files: N, m, Pa, kg; `fenics-contact COMMAND --help` has the opti
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
-    if message := missing_requirements():
+    if message := missing_requirements(mesh=False):
         _parser().parse_args(arguments)  # answers --help and --version
         print(f"fenics-contact: {message}", file=sys.stderr)
         return BAD_INPUT
-    from mpi4py import MPI
+    from fenics_contact.parallel import MPI
 
     atexit.register(gc.freeze)  # the last search for garbage: all is freed with the process
     comm = MPI.COMM_WORLD
@@ -105,6 +105,9 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
                 line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
             print(f"fenics-contact: {line}", file=sys.stderr)
         return error.exit_code
+    except MissingError as error:
+        print(str(error).replace("fenics_contact", "fenics-contact", 1), file=sys.stderr)
+        code = BAD_INPUT
     except KeyboardInterrupt:
         code = INTERRUPTED
     except OSError as error:

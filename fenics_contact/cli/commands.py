@@ -16,10 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 from fenics_contact.console import Progress, ProgressLine, SweepProgress
 from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
+from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.toml_tables import is_of_blocks, read_toml
 from fenics_contact.workers import InPlace, Signals, ranks, ranks_of

@@ -25,8 +25,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.collapse.load_case import LoadCase
@@ -38,6 +36,7 @@ from fenics_contact.discretization.materials import (
     wedge_compliance,
 )
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.load_case import LoadCase, Task, joint_values
@@ -22,6 +21,7 @@ from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import stiffness_alone
+from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import NOT_AT_THIS_SIZE
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact.discretization.contacts import glued_blocks
 from fenics_contact.discretization.elasticity import (
@@ -38,6 +37,7 @@ from fenics_contact.discretization.ties import find_ties
 from fenics_contact.discretization.warnings import warnings_on
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Flags
+from fenics_contact.parallel import PETSc
 from fenics_contact.scene.scene import Scene
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
@@ -18,6 +17,7 @@ from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Labels
 from fenics_contact.lazily import fem, fem_petsc
+from fenics_contact.parallel import PETSc
 from fenics_contact.scene.scene import Scene
 
 

@@ -17,14 +17,13 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError, Vector, raised_together
 from fenics_contact.geometry.mesh import BlockMesh, Labels, Names
 from fenics_contact.lazily import dolfinx_mesh, fem, ufl
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.scene.scene import LoadForm, Scene
 from fenics_contact.solvers import compiled
 

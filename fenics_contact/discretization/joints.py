@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact.discretization.contacts import Corners, find_contacts, straight_sides
 from fenics_contact.discretization.facets import (
@@ -36,6 +35,7 @@ from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
+from fenics_contact.parallel import PETSc
 from fenics_contact.scene.scene import JointLaw, Scene
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.problem import sparse_rows

@@ -31,7 +31,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.forms import Law
@@ -41,6 +40,7 @@ from fenics_contact.discretization.supports import Supports, displacements
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.parallel import MPI
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.problem import State

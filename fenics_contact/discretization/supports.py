@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE
+from fenics_contact.parallel import PETSc
 from fenics_contact.scene.scene import Movement, Scene
 
 #: Largest part of a movement by which supports that meet may contradict each other.

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.discretization.contacts import Gaps, facing_facets
 from fenics_contact.discretization.facets import GROUND, Boundary
@@ -22,6 +21,7 @@ from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.discretization.supports import facet_motion
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.parallel import MPI
 from fenics_contact.scene.scene import Scene
 
 #: Values beyond which a number is probably in the wrong unit: in what, the value, on which side

@@ -2,4 +2,4 @@
 
 from fenics_contact.requirements import check_requirements
 
-check_requirements()
+check_requirements(mesh=False)

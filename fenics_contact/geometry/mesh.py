@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError, checked, raised_together, require
@@ -32,6 +31,8 @@ from fenics_contact.geometry.gmsh_mesh import (
 )
 from fenics_contact.geometry.planar_cells import check_apart
 from fenics_contact.lazily import dolfinx_mesh
+from fenics_contact.parallel import MPI
+from fenics_contact.requirements import check_requirements
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -238,6 +239,7 @@ class BlockMesh(TaggedMesh):
     @classmethod
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
+        check_requirements()
         comm = compat.default_comm() if comm is None else comm
         rest: Any = None
         mesh = None

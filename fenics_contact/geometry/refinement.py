@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, StoredMesh
 from fenics_contact.lazily import dolfinx_mesh
+from fenics_contact.parallel import MPI
 
 #: Facets coincide when their middles and lengths agree to this fraction of their length.
 COINCIDING = 1e-4

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.discretization.forms import stress_expression
@@ -18,6 +17,7 @@ from fenics_contact.discretization.materials import cell_field
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.lazily import fem
 from fenics_contact.output.folder import writing
+from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import AMPLITUDE, ContactState
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.values import JointValues

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.console import answer, law_contacts
@@ -37,6 +36,7 @@ from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.output.view import FALLS, View, view_of, view_of_collapse, view_of_fall
 from fenics_contact.output.vtu import write_joints
+from fenics_contact.parallel import MPI
 from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.result import (
     Answer,

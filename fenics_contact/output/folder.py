@@ -11,9 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
 
-from mpi4py import MPI
-
 from fenics_contact.errors import ContactError, OutputError, raised_together
+from fenics_contact.parallel import MPI
 
 _log = logging.getLogger("fenics_contact")
 

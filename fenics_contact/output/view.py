@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import GROUND, Joints
@@ -31,6 +30,7 @@ from fenics_contact.output.fields import (
     mode_scale,
 )
 from fenics_contact.output.thrust import Resultants, face_resultants
+from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import (
     CRUSHES,
     NOTHING,

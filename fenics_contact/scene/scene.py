@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import (
@@ -27,6 +26,7 @@ from fenics_contact.errors import (
 )
 from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
+from fenics_contact.parallel import MPI
 from fenics_contact.scene.rules import (
     DIRECTION,
     FINITE,

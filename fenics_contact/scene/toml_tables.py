@@ -10,8 +10,6 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from mpi4py import MPI
-
 from fenics_contact.errors import (
     InputError,
     as_mapping,
@@ -23,6 +21,7 @@ from fenics_contact.errors import (
     shown,
     with_floats,
 )
+from fenics_contact.parallel import MPI
 
 T = TypeVar("T")
 

@@ -29,9 +29,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
-from petsc4py import PETSc
 
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness

@@ -20,10 +20,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from fenics_contact.errors import InputError, SolverError
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
 #: Prefix of options for all programs; those under a program's own come first.

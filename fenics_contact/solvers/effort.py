@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 from fenics_contact.errors import EffortError, Stopped
+from fenics_contact.parallel import MPI
 
 #: Part of a factorisation by which sums of costs may be rounded.
 ROUNDING = 1e-6

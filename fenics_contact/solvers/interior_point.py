@@ -11,9 +11,9 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
+from fenics_contact.parallel import MPI
 from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.kkt import Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import Array, State

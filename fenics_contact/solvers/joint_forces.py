@@ -37,9 +37,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.parallel import PETSc
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.bound_qp import BoundQP
 from fenics_contact.solvers.problem import (

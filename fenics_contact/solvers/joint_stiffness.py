@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.parallel import PETSc
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.effort import Tally

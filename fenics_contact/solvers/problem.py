@@ -17,14 +17,13 @@ from typing import Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
-from petsc4py import PETSc
 
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.joint_law import PointLaws
 
 Array = npt.NDArray[np.float64]
-_Item = TypeVar("_Item", bound=PETSc.Object)
+_Item = TypeVar("_Item", bound="PETSc.Object")
 _Value = TypeVar("_Value")
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import checked
 from fenics_contact.output.files import UNITS, record_of, write_capacity, write_files
 from fenics_contact.output.folder import going_on
 from fenics_contact.output.report.viewer import write_viewer
+from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.words import mechanism_record

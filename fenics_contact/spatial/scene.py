@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.discretization.warnings import unusual_values
 from fenics_contact.errors import InputError, Vector, checked, raised_together, require
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.values import NAMED
 from fenics_contact.scene.rules import (

@@ -21,13 +21,13 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.limit_load import limit_load, limit_load_of
+from fenics_contact.parallel import MPI
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, is_of_blocks, read_toml, value_of
 from fenics_contact.workers import InPlace, Ranks, result_of

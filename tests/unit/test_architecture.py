@@ -25,7 +25,8 @@ FILES = {
 
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
-    {"errors", "compat", "lazily", "requirements", "search_options", "version", "workers"},
+    {"errors", "compat", "lazily", "parallel", "requirements"}
+    | {"search_options", "version", "workers"},
     {"geometry"},
     {"scene"},
     {"discretization"},
@@ -138,7 +139,7 @@ def test_solvers_are_used_by_few_folders():
 
 def test_solvers_import_each_other_and_errors():
     others = {
-        name: roots(own_imports(name)) - {SOLVERS, "errors", "search_options"}
+        name: roots(own_imports(name)) - {SOLVERS, "errors", "parallel", "search_options"}
         for name in IN_SOLVERS
     }
     assert {name: found for name, found in others.items() if found} == {}
@@ -200,6 +201,12 @@ def test_no_assert_statement():
     # They vanish under `python -O`; what can go wrong raises an exception of the package.
     for name in FILES:
         assert not any(isinstance(node, ast.Assert) for node in nodes_of(name)), name
+
+
+def test_no_module_needs_mpi_or_petsc_to_be_imported():
+    # `parallel` tries to import them; pip alone installs what rigid blocks need.
+    users = {n for n in FILES if roots(imported(at_import(tree_of(n)))) & {"mpi4py", "petsc4py"}}
+    assert users == set()
 
 
 def test_no_world_communicator_and_no_print():

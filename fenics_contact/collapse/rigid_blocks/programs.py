@@ -33,7 +33,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.model import (
@@ -47,6 +46,7 @@ from fenics_contact.faces.kernel import Program, solve
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import associative_end, motion_under, proved_fall
 from fenics_contact.faces.system import Equations
+from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import NOT_AT_THIS_SIZE, LimitBounds
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array
