@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import at_sides, facet_contact, middle, mode_scale
 from fenics_contact.output.folder import writing
 from fenics_contact.output.view import view_of
-from fenics_contact.results.block_view import JOINT_STATES, BlockView
+from fenics_contact.results.block_view import JOINT_STATES, BlockView, ContactState
 from fenics_contact.results.values import JointValues
 
 #: Types of cells in VTK files.
@@ -40,15 +40,28 @@ Grid = dict[str, dict[str, Any]]
 def write_contacts(path: Path, view: BlockView) -> None:
     """Write the contacts with what they carry and do, on this rank.
 
+    By corner, as vectors, m: "displacement" (mean of both sides), "opening" and "slip".
+
     Raises:
         OSError: If the file cannot be written.
     """
-    corners = view.touching.corners
-    normal = view.touching.normal
-    at_cells = {**vars(view.contacts), "normal": normal, "blocks": view.touching.pairs}
-    counts = np.array(list(map(len, corners)))
+    at = view.touching
+    counts = np.array(list(map(len, at.corners)))
+    corners = np.vstack(at.corners)
+    first, second = (view.displacements(corners, side.repeat(counts)) for side in at.pairs.T)
+    normal = at.normal.repeat(counts, axis=0)
+    opening = np.sum((second - first) * normal, axis=1)[:, None] * normal
     kinds = np.select([counts == 1, counts == 2], [VERTEX, LINE], POLYGON)
-    write_grid(path, grid_of(kinds, np.vstack(corners), counts, at_cells))
+    known = vars(view.contacts)
+    at_cells = {name: known[name] for name in ("pressure", "shear_stress", "utilisation", "state")}
+    grid = grid_of(kinds, corners, counts, at_cells | {"normal": at.normal, "blocks": at.pairs})
+    grid["PointData"] = {
+        "displacement": 0.5 * (first + second),
+        "opening": opening,
+        "slip": second - first - opening,
+    }
+    grid["FieldData"] = {"states": tuple(state.name.lower() for state in ContactState)}
+    write_grid(path, grid)
 
 
 def write_joints(
@@ -140,7 +153,12 @@ def write_grid(path: Path, grid: Grid, about: str = "") -> None:
 
 
 def _array(name: str, values: Any) -> str:
-    """An array, packed, as XML."""
+    """An array, packed, as XML; names become those of the components of 0, 1, 2 ..."""
+    labels = ""
+    if isinstance(values, tuple):  # not strings of VTK, which meshio refuses
+        shown = ("".join(c if c.isprintable() else " " for c in name) for name in values)
+        labels = "".join(f" ComponentName{k}={quoteattr(n)}" for k, n in enumerate(shown))
+        values = np.arange(len(values))[None]
     kind = TYPES[values.dtype.kind]
     data = np.ascontiguousarray(values, dtype=kind.lower()).tobytes()
     packed = zlib.compress(data)
@@ -148,4 +166,5 @@ def _array(name: str, values: Any) -> str:
     text = (base64.b64encode(header) + base64.b64encode(packed)).decode("ascii")
     shape = f'NumberOfTuples="{len(values)}"'
     shape += f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
-    return f'<DataArray type="{kind}" Name="{name}" {shape} format="binary">{text}</DataArray>'
+    head = f'type="{kind}" Name="{name}" {shape}{labels}'
+    return f'<DataArray {head} format="binary">{text}</DataArray>'

@@ -1,16 +1,27 @@
-"""Files of fields: forces at points; for ParaView blocks and their motion, contacts."""
+"""Files of fields: forces at points; for ParaView blocks, their motion, contacts, ties, loads."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.vtu import FILE, POLYHEDRON, Grid, grid_of, write_contacts, write_grid
+from fenics_contact.output.vtu import (
+    FILE,
+    LINE,
+    POLYHEDRON,
+    VERTEX,
+    Grid,
+    grid_of,
+    write_contacts,
+    write_grid,
+)
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import TieState
+from fenics_contact.spatial.loads import Acting
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.view import views_of
@@ -22,9 +33,9 @@ STEPS = 10
 def write_fields(result: SpatialLimit, folder: Path) -> None:
     """Write what ParaView shows of a result, on this rank, for every direction of the live load.
 
-    blocks.vtu has the blocks at rest with the collapse mode, contacts.vtu the contacts, points.npz
-    the forces at their points, and collapse.pvd the motion in steps; with two directions, likewise
-    blocks_negative.vtu, and so on.
+    blocks.vtu has the blocks at rest with the collapse mode, contacts.vtu, ties.vtu and loads.vtu
+    what these names say, points.npz the forces at points of contacts, and collapse.pvd the motion
+    in steps; with two directions, likewise blocks_negative.vtu, and so on.
 
     Args:
         result: What was found.
@@ -34,9 +45,15 @@ def write_fields(result: SpatialLimit, folder: Path) -> None:
         OSError: If a file cannot be written.
     """
     for name, view in views_of(result).items():
-        _write_points(folder / f"points{view.suffix}.npz", result.structure, result.ends[name])
+        end = result.ends[name]
+        _write_points(folder / f"points{view.suffix}.npz", result.structure, end)
         write_grid(folder / f"blocks{view.suffix}.vtu", _blocks(view))
         write_contacts(folder / f"contacts{view.suffix}.vtu", view)
+        if view.ties:
+            write_grid(folder / f"ties{view.suffix}.vtu", _ties(view))
+        if result.structure.acting:
+            loads = _loads(view, result.structure.acting, end.sign)
+            write_grid(folder / f"loads{view.suffix}.vtu", loads)
         if view.motion.any():
             parts = [step / STEPS for step in range(STEPS + 1)]
             poses = ((part, view.bodies.corner + part * view.displacement) for part in parts)
@@ -98,11 +115,48 @@ def _blocks(view: BlockView) -> Grid:
         "group": bodies.group[bodies.of_piece],
         "fixed": bodies.fixed[bodies.of_piece].astype(int),
         "movement": view.share[bodies.of_piece],
-        "utilisation": view.utilisation[bodies.of_piece],
         "falls": np.isin(bodies.of_piece, view.marked).astype(int),
     }
     grid = grid_of(POLYHEDRON, bodies.corner, bodies.counts, at_cells)
     grid["Cells"]["faces"] = np.concatenate(faces)
     grid["Cells"]["faceoffsets"] = np.cumsum([len(stream) for stream in faces])
     grid["PointData"] = {"displacement": view.displacement}
+    grid["FieldData"] = {"groups": bodies.group_names}
+    return grid
+
+
+def _ties(view: BlockView) -> Grid:
+    """Ties as lines, with their forces and yields, N."""
+    names, force, limit, state = (view.ties[key] for key in ("name", "force", "yield", "state"))
+    at_cells = {"tie": np.arange(len(names)), "force": force, "yield": limit, "state": state}
+    at_cells["utilisation"] = force / limit
+    ends = view.tie_ends.reshape(-1, 3)
+    grid = grid_of(LINE, ends, np.full(len(names), 2), at_cells)
+    grid["PointData"] = {"displacement": view.moved_ties.reshape(-1, 3) - ends}
+    states = tuple(state.name.lower() for state in TieState)
+    grid["FieldData"] = {"ties": tuple(names.tolist()), "states": states}
+    return grid
+
+
+def _loads(view: BlockView, acting: Mapping[str, Acting], sign: float) -> Grid:
+    """Resultants of every load on every block, N, at points; the live load as it acts at 1."""
+    signs = [sign if key.startswith("loads.live") else 1.0 for key in acting]
+    rows = [
+        (np.full(len(one.block), load), one.block, one.place, side * one.force)
+        for load, (one, side) in enumerate(zip(acting.values(), signs, strict=True))
+    ]
+    load, block, place, force = map(np.concatenate, zip(*rows, strict=True))
+    size = np.linalg.norm(force, axis=1)[:, None]
+    acts = size.ravel() > 0.0
+    pairs, row = np.unique(np.column_stack([load, block])[acts], axis=0, return_inverse=True)
+    sums = np.zeros((len(pairs), 7))
+    np.add.at(sums, row.ravel(), np.hstack([force, size * place, size])[acts])
+    middle: Array = sums[:, 3:6] / sums[:, 6:]
+    one_each = np.ones(len(pairs), dtype=np.int64)
+    grid = grid_of(VERTEX, middle, one_each, {"load": pairs[:, 0], "block": pairs[:, 1]})
+    grid["PointData"] = {
+        "force": sums[:, :3],
+        "displacement": view.displacements(middle, pairs[:, 1]),
+    }
+    grid["FieldData"] = {"loads": tuple(acting)}
     return grid

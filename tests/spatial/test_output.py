@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,7 +18,7 @@ from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import JointLaw, OutputOptions, SolveOptions, Tie
-from fenics_contact.spatial import Load, Material, Scene, builders
+from fenics_contact.spatial import Load, Material, Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.loads import Bar
@@ -106,6 +107,53 @@ def arrays(path):
     return found
 
 
+def names(path, legend):
+    """Names that a file has for numbers."""
+    (one,) = ElementTree.parse(path).findall(f".//FieldData/DataArray[@Name='{legend}']")
+    return [one.get(f"ComponentName{k}") for k in range(int(one.get("NumberOfComponents")))]
+
+
+def tied_wall():
+    """A block that a tie holds back, which is pushed to x."""
+    tables = {
+        "dimension": 3,
+        "blocks": {"a": {"box": [[0, 0, 0], [1, 1, 2]]}},
+        "materials": {"default": {"density": 1000.0}},
+        "joints": {"default": {"friction": 0.8}},
+        "loads": {
+            "dead": {"body": [0.0, 0.0, -10.0]},
+            "live": {"body": [10.0, 0.0, 0.0]},
+        },
+        "floors": {"<top>": {"z": 2.0, "force": 500.0}},
+        "ties": {'"stay"': {"from": [0.5, 0.5, 1.5], "ground": [-1.0, 0.5, 1.5], "yield": 2000.0}},
+    }
+    return limit_load(Scene.from_tables(tables, Path()))
+
+
+def test_paraview_has_ties_and_loads(tmp_path):
+    """Ties are lines with their force, loads are points with their forces."""
+    result = tied_wall()
+    write_fields(result, tmp_path)
+    ties = arrays(tmp_path / "ties.vtu")
+    assert list(ties["types"].ravel()) == [3]
+    assert ties["force"].ravel() == pytest.approx([2000.0])
+    assert ties["utilisation"].ravel() == pytest.approx([1.0])
+    assert names(tmp_path / "ties.vtu", "ties") == ['"stay"']
+    assert names(tmp_path / "ties.vtu", "states")[int(ties["state"][0, 0])] == "yields"
+    assert ties["displacement"][0, 0] > 0.0
+    assert not np.any(ties["displacement"][1])
+    loads = arrays(tmp_path / "loads.vtu")
+    keys = names(tmp_path / "loads.vtu", "loads")
+    by_key = {keys[int(load)]: k for k, load in enumerate(loads["load"].ravel())}
+    for key, force, place in (
+        ("loads.dead.body", [0.0, 0.0, -20000.0], [0.5, 0.5, 1.0]),
+        ("floors.<top>", [0.0, 0.0, -500.0], [0.5, 0.5, 2.0]),
+        ("loads.live.body", [20000.0, 0.0, 0.0], [0.5, 0.5, 1.0]),
+    ):
+        assert loads["force"][by_key[key]] == pytest.approx(force, abs=1e-6), key
+        assert loads["Points"][by_key[key]] == pytest.approx(place), key
+
+
 def test_paraview_files(tipping, tmp_path):
     write_fields(tipping, tmp_path)
     blocks = arrays(tmp_path / "blocks.vtu")
@@ -120,6 +168,15 @@ def test_paraview_files(tipping, tmp_path):
     )
     contacts = arrays(tmp_path / "contacts.vtu")
     assert sorted(contacts["pressure"].ravel()) == pytest.approx([1.0, 2.0])
+    # The foot opens upwards by up to 1 / 5^.5 of the motion, at its back, and does not slide.
+    rows = np.all(contacts["Points"] == [-0.5, 0.5, 0.0], axis=1)
+    up = np.array([[0.0, 0.0, 0.16 / 5**0.5]])
+    assert contacts["opening"][rows] == pytest.approx(up, abs=1e-9)
+    assert contacts["displacement"][rows] == pytest.approx(0.5 * up, abs=1e-9)
+    assert contacts["slip"] == pytest.approx(np.zeros_like(contacts["slip"]), abs=1e-9)
+    assert names(tmp_path / "contacts.vtu", "states")[int(contacts["state"].max())] == "rocks"
+    assert names(tmp_path / "blocks.vtu", "groups") == ["tower", "ground"]
+    assert "utilisation" not in blocks
     series = ElementTree.parse(tmp_path / "collapse.pvd").findall(".//DataSet")
     assert [one.get("timestep") for one in series][::5] == ["0", "0.5", "1"]
     last = arrays(tmp_path / series[-1].get("file"))
@@ -128,6 +185,15 @@ def test_paraview_files(tipping, tmp_path):
 
 def test_vtk_reads_the_files(tipping, tmp_path):
     vtk = pytest.importorskip("vtk")
+    write_fields(tied_wall(), tmp_path)
+    for name, legend in (("ties", "ties"), ("loads", "loads"), ("contacts", "states")):
+        reader = vtk.vtkXMLUnstructuredGridReader()
+        reader.SetFileName(str(tmp_path / f"{name}.vtu"))
+        reader.Update()
+        told = reader.GetOutput().GetFieldData().GetArray(legend)
+        shown = [told.GetComponentName(k) for k in range(told.GetNumberOfComponents())]
+        assert shown == names(tmp_path / f"{name}.vtu", legend)
+        assert reader.GetOutput().GetPointData().GetArray("displacement").GetMaxNorm() > 0.0
     write_fields(tipping, tmp_path)
     for name, measure, whole in (("blocks", "Volume", 9.2), ("contacts", "Area", 2.0)):
         reader = vtk.vtkXMLUnstructuredGridReader()
@@ -142,6 +208,11 @@ def test_vtk_reads_the_files(tipping, tmp_path):
 
 def test_meshio_reads_the_files(tipping, tmp_path):
     meshio = pytest.importorskip("meshio")
+    write_fields(tied_wall(), tmp_path)
+    for name, kind in (("ties", "line"), ("loads", "vertex"), ("contacts", "polygon")):
+        read = meshio.read(tmp_path / f"{name}.vtu")
+        assert [one.type for one in read.cells] == [kind]
+        assert read.point_data["displacement"].shape == read.points.shape
     write_fields(tipping, tmp_path)
     blocks = meshio.read(tmp_path / "blocks.vtu")
     assert [(cells.type, len(cells)) for cells in blocks.cells] == [("polyhedron8", 3)]
