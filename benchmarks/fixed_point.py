@@ -2,7 +2,7 @@
 
     python3 benchmarks/fixed_point.py [--time-out 100] [--write]
 
-Prints the table of docs/fixed_point.md; with --write puts it between the page's marks. A finer mesh
+Prints a table of benchmarks/README.md; with --write puts it between the page's marks. A finer mesh
 is left out where it would take longer than the time-out, by the time on the mesh before.
 """
 
@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fenics_contact import limit_load
 from tests.bank import coulomb, wall_recipe
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "fixed_point.md"
+PAGE = Path(__file__).resolve().with_name("README.md")
 MARKS = "<!-- passes: begin -->", "<!-- passes: end -->"
 WALLS = "W1", "W2", "W3", "W4"
 METHODS = "fixed-point", "splitting"
@@ -61,7 +61,7 @@ def main() -> None:
     """Solve, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--time-out", type=float, default=100.0, help="s, for one run")
-    parser.add_argument("--write", action="store_true", help="the table into docs/fixed_point.md")
+    parser.add_argument("--write", action="store_true", help="the table into benchmarks/README.md")
     options = parser.parse_args()
     head = f"| wall | method | {' | '.join(map(str, ELEMENTS))} |"
     lines = [head, "|---" * (2 + len(ELEMENTS)) + "|", *rows(options.time_out)]

@@ -28,6 +28,15 @@ def test_there_are_demos():
     assert len(DEMOS) >= len(PARALLEL) >= 4
 
 
+def test_a_problem_from_matrices(tmp_path):
+    found = run_command([sys.executable, str(ROOT / "demos" / "own_matrices.py")], tmp_path)
+    assert found.code == 0, found.err
+    assert found.out.splitlines() == [
+        "load factor 60.000000, shear [-50. -10.] N",
+        "load factor 80.000000, shear [-50. -30.] N",
+    ]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("demo", "ranks"),
