@@ -64,6 +64,12 @@ MARKS: Mapping[int, tuple[str, str]] = {
     ContactState.CRUSHES: (FORCE, "crushes"),
 }
 QUIET = ContactState.STICK, AT_REST
+#: What ties do, and how their lines are drawn.
+TIES: Mapping[int, tuple[str, Mapping[str, Any]]] = {
+    TieState.YIELDS: ("tie yields", {"lw": 2.6, "ls": "-"}),
+    TieState.ELASTIC: ("tie", {"lw": 1.4, "ls": "-"}),
+    TieState.SLACK: ("tie slack", {"lw": 1.2, "ls": (0, (4, 3))}),
+}
 #: Length of the strokes below what does not move, over the structure's size, and their number.
 STROKE, STROKES = 0.018, 40
 #: Colours of joint groups, repeated if there are more, of the dead load and of foundations.
@@ -459,11 +465,7 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
 def draw_ties(axes: Any, view: View, share: float = 0.0) -> list[Any]:
     """Ties, displaced by a part of their motion, by what they do; entries of a legend."""
     entries: list[Any] = []
-    for label, state, style in (
-        ("tie yields", TieState.YIELDS, {"lw": 2.6, "ls": "-"}),
-        ("tie", TieState.ELASTIC, {"lw": 1.4, "ls": "-"}),
-        ("tie slack", TieState.SLACK, {"lw": 1.2, "ls": (0, (4, 3))}),
-    ):
+    for state, (label, style) in TIES.items():
         ends = view.ties["ends"] + share * view.ties["motion"]
         for tie in ends[view.ties["state"] == state] if "state" in view.ties else ():
             (line,) = axes.plot(*tie.T, marker="s", ms=4.0, color=GREEN, zorder=4, **style)

@@ -1,5 +1,8 @@
 """The collapse in three views: from the front, from the side, and from above a corner.
 
+A wall has one, in which its motion is seen. From the front and the side, what is far behind other
+blocks is pale and has no marks: cracks of the back would be taken for those of the front.
+
 Blocks are drawn from the farthest to the nearest. Of two convex bodies one lies beyond a plane of
 a side of the other; which side of this plane the eye is on tells their order.
 """
@@ -22,12 +25,14 @@ from fenics_contact.output.plotting import (
     GREEN,
     MARKS,
     QUIET,
+    TIES,
     legend,
     save_figure,
     shades,
 )
 from fenics_contact.output.view import planar
 from fenics_contact.results.block_view import BlockView
+from fenics_contact.results.values import TieState
 from fenics_contact.scene.scene import ALL, OutputOptions
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.view import views_of
@@ -53,8 +58,14 @@ ON_SIDE = 1e-4
 EDGEWISE = 1e-6
 #: Free around the structure, over its size.
 MARGIN = 0.06
-#: Width and height of a view, inches.
-LARGEST = 4.6
+#: Width and height of one of three views, and of a single one, inches.
+LARGEST, SINGLE = 4.6, 7.5
+#: A wall is thinner than this part of its other sides; it moves by less than this part across.
+THIN, IN_PLANE = 0.35, 0.05
+#: White in the colours of what is far: by more than this part of the structure's size.
+PALE, NEAR = 0.55, 0.3
+#: Cosine between a side and the line of sight from which it has marks.
+MARKED = 0.05
 
 
 def draw_collapse(result: SpatialLimit, folder: Path, output: OutputOptions) -> list[str]:
@@ -91,10 +102,10 @@ def _save(view: BlockView, paths: Sequence[Path]) -> None:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    turns = {name: axes_to(eye) for name, eye in VIEWS[3].items()}
+    turns = {name: axes_to(eye) for name, eye in _eyes(view).items()}
     windows = [np.ptp(_window(view, turn), axis=0) for turn in turns.values()]
     widths, heights = np.transpose(windows)
-    scale = LARGEST / max(widths.max(), heights.max())
+    scale = (LARGEST if len(turns) > 1 else SINGLE) / max(widths.max(), heights.max())
     shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
     figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
     panels = figure.subplots(1, len(turns), width_ratios=widths, squeeze=False)[0]
@@ -103,10 +114,22 @@ def _save(view: BlockView, paths: Sequence[Path]) -> None:
         axes.set_title(title, fontsize=9)
     state = view.contacts.state
     told = [mark for kind, mark in MARKS.items() if np.any(state == kind) and kind not in QUIET]
-    told += [(GREEN, "tie")] * bool(len(view.tie_ends))
+    told += [(GREEN, TIES[state][0]) for state in sorted(set(_tie_states(view)), reverse=True)]
     told += [(BLACK, "live load")] * bool(view.push.any())
     legend(panels[-1], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
     save_figure(figure, view.whole_title, paths)
+
+
+def _eyes(view: BlockView) -> dict[str, tuple[float, float, float]]:
+    """Where the eye of every view is, by name: of the one that says most, of a wall."""
+    size = np.ptp(view.box, axis=0)
+    across = int(np.argmin(size))
+    if across == 2 or size[across] > THIN * np.sort(size)[1]:
+        return VIEWS[3]
+    most = np.abs(view.displacement).max(axis=0)
+    in_plane = view.motion.any() and most[across] < IN_PLANE * most.max()
+    name = list(VIEWS[3])[1 - across] if in_plane else "oblique"
+    return {name: VIEWS[3][name]}
 
 
 def axes_to(eye: Sequence[float]) -> Array:
@@ -118,10 +141,11 @@ def axes_to(eye: Sequence[float]) -> Array:
 
 
 def _window(view: BlockView, turn: Array) -> Array:
-    """What a picture has room for: blocks that move, at rest and displaced; low, high, (2, 2)."""
+    """What a picture has room for: ties, blocks that move, at rest and displaced; shape (2, 2)."""
     moves = ~view.bodies.fixed[view.bodies.block]
     rest = view.bodies.corner[moves]
-    places = np.vstack([rest, rest + view.displacement[moves]]) @ turn[:2].T
+    seen = [rest, rest + view.displacement[moves], *view.moved_ties]
+    places = np.vstack(seen) @ turn[:2].T
     margin = MARGIN * view.size
     return np.array([places.min(axis=0) - margin, places.max(axis=0) + margin])
 
@@ -136,6 +160,8 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     light = AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
     colours = shades(bodies.group, view.share, bodies.fixed, view.marked)
     lit = light[:, None] * colours[bodies.side_block]
+    far = _far(view, turn)
+    lit += PALE * far[bodies.side_piece, None] * (1.0 - lit)
     marks = _marks(view, turn)
     thin = 0.5 if len(view.motion) < 200 else 0.3
     hides = _hidden(view, place, turn)
@@ -147,19 +173,40 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
         for side in np.flatnonzero((bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE)):
             face = "none" if veils[piece] else tuple(lit[side])
             drawn.append((place[bodies.sides[side], :2], face, "0.25", thin))
-            drawn += [(line, "none", colour, 1.6) for line, colour in marks[side]]
+            if not far[piece]:
+                drawn += [(line, "none", colour, 1.6) for line, colour in marks[side]]
     polygons, faces, edges, widths = zip(*drawn, strict=True)
     style = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
     axes.add_collection(PolyCollection(polygons, joinstyle="round", **style))
     (left, low), (right, high) = _window(view, turn)
     axes.set(xlim=(left, right), ylim=(low, high))
-    for ends in view.moved_ties:
-        axes.plot(*(ends @ turn[:2].T).T, color=GREEN, lw=1.6, ls="--", marker="s", ms=3.0)
+    for ends, state in zip(view.moved_ties, _tie_states(view), strict=True):
+        style = {"color": GREEN, "marker": "s", "ms": 3.0} | TIES[state][1]
+        axes.plot(*(ends @ turn[:2].T).T, **style)
     start, end = view.push @ turn[:2].T
     if np.linalg.norm(end - start) > 0.2 * np.linalg.norm(view.push[1] - view.push[0]):
         axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "lw": 2.0, "color": BLACK})
     axes.set_aspect("equal", anchor="S")
     axes.set_axis_off()
+
+
+def _far(view: BlockView, turn: Array) -> Flags:
+    """Which pieces are far behind others, from the front or the side, shape (pieces,)."""
+    bodies = view.bodies
+    place = bodies.corner @ turn.T
+    low = np.minimum.reduceat(place, bodies.first)
+    high = np.maximum.reduceat(place, bodies.first)
+    moves = ~bodies.fixed[bodies.of_piece]
+    near = moves & (high[:, 2] > high[moves, 2].max() - NEAR * view.size)
+    middle = 0.5 * (low + high)
+    behind = (middle > low[near].min(axis=0)) & (middle < high[near].max(axis=0))
+    frontal = np.abs(turn[2]).max() > 1.0 - EDGEWISE
+    return np.asarray(frontal & moves & ~near & behind[:, :2].all(axis=1))
+
+
+def _tie_states(view: BlockView) -> list[int]:
+    """What every tie does."""
+    return list(view.ties.get("state", [TieState.ELASTIC] * len(view.tie_ends)))
 
 
 def _hidden(view: BlockView, place: Array, turn: Array) -> Flags:
@@ -227,7 +274,7 @@ def _in_circles(hides: Flags) -> Flags:
 def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     """Edges of contacts on the sides that are seen, displaced, with their colours, by side."""
     bodies = view.bodies
-    seen = bodies.normal @ turn[2] > EDGEWISE
+    seen = bodies.normal @ turn[2] > MARKED
     marks: dict[int, list[tuple[Array, str]]] = defaultdict(list)
     at = view.touching
     states = view.contacts.state.tolist()

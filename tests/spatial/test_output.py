@@ -22,7 +22,7 @@ from fenics_contact.spatial import Load, Material, Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.loads import Bar
-from fenics_contact.spatial.picture import draw_collapse, draw_view
+from fenics_contact.spatial.picture import VIEWS, draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
@@ -251,6 +251,45 @@ def test_the_nearest_block_is_seen():
         assert np.ptp(seen) < 10  # grey
 
 
+def blue_pixels(blocks, slides):
+    """How much blue there is from the front where one block slides to x."""
+    structure = structure_of(blocks, 0.5, [1.0, 0.0, 0.0])
+    mode = np.zeros((len(blocks) + 1, 6))
+    mode[slides, 0] = 1.0
+    figure = Figure(figsize=(4, 4), dpi=150)
+    axes = figure.add_axes([0, 0, 1, 1])
+    view = view_of(structure, Collapse("limit", 1.0, mode=mode))
+    draw_view(axes, replace(view, live=0.0 * view.live), FRONT)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    red, _, blue = np.moveaxis(np.asarray(canvas.buffer_rgba())[..., :3].astype(int), -1, 0)
+    return np.count_nonzero(blue > red + 100)
+
+
+def test_marks_of_the_back_are_not_among_those_of_the_front():
+    posts = (box([-2, -2, 0], [-1, -1, 2]), box([1, -2, 0], [2, -1, 2]))
+    back = box([-0.5, 1, 0], [0.5, 2, 2])
+    beside = box([-3, 1, 0], [-2.1, 2, 2])
+    assert blue_pixels((*posts, back), 1) > 10
+    assert blue_pixels((*posts, back), 3) == 0
+    assert blue_pixels((back,), 1) > 10
+    assert blue_pixels((*posts, beside), 3) > 10, "no block is before it"
+
+
+def test_a_wall_has_one_view(tmp_path):
+    wall = (box([-1, -0.2, 0], [1, 0.2, 1]), box([-1, -0.2, 1], [1, 0.2, 2]))
+    for name, direction, motion in (
+        ("front (x, z)", [1, 0, 0], "in"),
+        ("oblique", [0, 1, 0], "out of"),
+    ):
+        structure = structure_of(wall, 0.8, direction)
+        result = SpatialLimit(None, structure, {"positive": collapse_of(structure)})
+        draw_collapse(result, tmp_path, OutputOptions(formats=("svg",)))
+        words = (tmp_path / "collapse.svg").read_text()
+        shown = [view for view in VIEWS[3] if f"<!-- {view} -->" in words]
+        assert shown == [name], f"it moves {motion} its plane"
+
+
 def test_pictures_are_written(tipping, tmp_path):
     both = {"positive": tipping.collapse, "negative": tipping.collapse}
     output = OutputOptions(formats=("png", "svg"))
@@ -303,6 +342,10 @@ def test_ties_are_drawn(tipping, tmp_path):
     assert ends[1] == pytest.approx([2.0, 0.0, 0.0])
     foot = "the whole structure turns about its foot to +x"
     assert mechanism_in_words(view) == f"{foot}, tie stay yields"
+    figure = Figure()
+    axes = figure.add_subplot()
+    draw_view(axes, view, FRONT)
+    assert axes.get_xlim()[1] > 2.0, "the tie's end is in the picture"
     draw_collapse(result, tmp_path, OutputOptions(formats=("svg",)))
     assert "<!-- tie -->" in (tmp_path / "collapse.svg").read_text()
     data = json.loads(
