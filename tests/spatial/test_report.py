@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -98,3 +99,37 @@ def test_report_as_pdf(solved, monkeypatch, capsys):
         assert run_here(["solve", "wall.toml"], capsys).code == 0
     assert run_here(["report", "wall", "--pdf", "wall.pdf"], capsys).code == 0
     assert (solved / "wall.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_page_1_has_the_verdict_and_all_loads(tmp_path, monkeypatch, capsys):
+    """In the box whether the demand is met; below what presses on sides; one block as such."""
+    monkeypatch.chdir(tmp_path)
+    loads = """
+[sides.back]
+block = "upper"
+normal = [0.0, -1.0, 0.0]
+[loads.dead.traction]
+back = [0.0, 50.0, 0.0]
+[loads.dead.force.rafter]
+force = [0.0, 20.0, 0.0]
+block = "upper"
+"""
+    blocks = """[blocks]
+lower.box = [[0.0, 0.0, 0.0], [1.0, 1.0, 0.5]]
+upper.box = [[0.0, 0.3, 0.5], [1.0, 0.7, 1.5]]
+[materials"""
+    scene = re.sub(r"\[blocks\].*?\[materials", blocks, SCENE, flags=re.DOTALL)
+    scene = re.sub(r"\[floors.*\[seismic", "[seismic", scene, flags=re.DOTALL)
+    scene = scene.replace('"both"', '"positive"')
+    text = f"{scene}{loads}".replace("factor = 1.35", "factor = 1.35\ndemand = 9.0")
+    Path("stone.toml").write_text(text)
+    assert run_here(["solve", "stone.toml"], capsys).code == 0
+    assert run_here(["report", "stone"], capsys).code == 0
+    page = Path("stone/report.html").read_text(encoding="utf-8")
+    (box,) = re.findall(r'<p class="status limit">(.*?)</p>', page, flags=re.DOTALL)
+    assert "asked for: NOT enough" in box
+    assert page.count("NOT enough") == 2, "in the box, and in the table of the check"
+    assert "A mechanism of one block alone: " in page
+    first = page.partition("Assumptions")[2].partition("</table>")[0]
+    for told in ("traction back, dead load", "force rafter, dead load"):
+        assert told in first

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import (
+    KEYS,
     PICTURES,
     STATUS,
     bullets,
@@ -22,6 +23,7 @@ from fenics_contact.output.report.html import (
     paragraph,
     picture,
     table,
+    value_text,
     viewer_frame,
 )
 from fenics_contact.results.bounds import counted
@@ -69,6 +71,13 @@ SIDES = {"left": "right", "right": "left"}
 UNCRACKED = "Blocks do not crack: that is not in the model."
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
 SHOWN = 4
+#: Lines that say whether a demand is met.
+VERDICTS = "seismic check", "non-linear check"
+#: Values that are not shown where they are not used: these keys with these values.
+UNUSED = {"body", "tilt", "profile", "surcharge", "wall_friction"}
+NOTHING = (0.0, [0.0, 0.0], "uniform")
+#: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
+PRESSURES = {"traction", "surcharge"}
 
 
 def first_page(content: Content) -> Iterator[str]:
@@ -80,7 +89,10 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(content.labels.line(made), kind="labels")
     yield paragraph(record["answer"]["question"], kind="question")
-    yield paragraph(*map(sentence, record["answer"]["found"]), kind=f"status {status}")
+    more = record["answer"]["more"]
+    verdicts = [line for line in more if line.startswith(VERDICTS)]
+    found = [sentence(line) for line in (*record["answer"]["found"], *verdicts)]
+    yield paragraph(*found, kind=f"status {status}")
     # How much the answer is worth, where it is none, or differs between the directions.
     words = {name: direction_words(name).capitalize() for name in ends}
     told = [f"{words[name]}: {STATUS[end['status']]}" for name, end in ends.items()]
@@ -89,7 +101,7 @@ def first_page(content: Content) -> Iterator[str]:
     elif status != "limit":
         yield paragraph(sentence(STATUS[status]))
     how = list(_collapses(record))
-    decides = [sentence(line) for line in record["answer"]["more"]] + [UNCRACKED]
+    decides = [sentence(line) for line in more if line not in verdicts] + [UNCRACKED]
     rows = list(_assumptions(record, content.units))
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
@@ -116,6 +128,8 @@ def _collapses(record: Record) -> Iterator[str]:
     for direction, end in ends.items():
         if end["mechanism"] and (words := end["mechanism"]["words"]):
             way = f"{sentence(way_of(record, direction))[:-1]}: " if len(ends) > 1 else ""
+            alone = len(end["mechanism"]["moving"]) == 1 < record["mesh"]["floating_bodies"]
+            words = f"a mechanism of one block alone: {words}" if alone else words
             mirrored = re.sub("left|right", lambda side: SIDES[side[0]], words)
             yield sentence(f"{way}{'the same, mirrored' if mirrored == before else words}")
             before = words
@@ -151,6 +165,12 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     same = record["acceleration"]
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
+    acting = {
+        name: {key: scene["loads"][name].get(key) for key in ("traction", "force")}
+        for name in ("dead", "live")
+    }
+    for name, what, value in list(given_rows(acting, scene["units"], units))[:SHOWN]:
+        yield f"{what}, {name} load", value
     kinds: dict[str, Callable[[Record], str]] = {
         "material": lambda one: material_text(one, gravity_of(scene), units),
         "joint": lambda one: law_text(one, units),
@@ -171,6 +191,30 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     for one in list(record.get("soil") or [])[:SHOWN]:
         least, most = (units.text(one[key], f"N {PER_METRE}", 4) for key in ("active", "passive"))
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"
+
+
+def given_rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:
+    """Name, property and value of everything that was given in tables of one kind."""
+
+    def told(key: str, value: object) -> tuple[str, str]:
+        unit = "N/m2" if key in PRESSURES else names.get(key, "") * (value is not True)
+        return KEYS.get(key, key.replace("_", " ")), value_text(value, unit, units)
+
+    for name, given in tables.items():
+        for key, value in given.items():
+            label, words = told(key, value)
+            if isinstance(value, dict):
+                for place, part in value.items():
+                    inside = part if isinstance(part, dict) else {key: part}
+                    pairs = (told(k, v) for k, v in inside.items() if _used(k, v))
+                    yield name, f"{label} {place}", ", ".join(" ".join(pair) for pair in pairs)
+            elif _used(key, value):
+                yield name, label, words
+
+
+def _used(key: str, value: object) -> bool:
+    """Whether a value says something: it is not shown where it switches nothing on."""
+    return value is not None and not (key in UNUSED and value in NOTHING)
 
 
 def gravity_of(scene: Record) -> float:

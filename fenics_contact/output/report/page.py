@@ -17,6 +17,7 @@ from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import (
     first_page,
+    given_rows,
     gravity_of,
     how_it_fails,
     sentence,
@@ -55,20 +56,15 @@ from fenics_contact.output.report.html import (
     value_text,
 )
 from fenics_contact.results.bounds import counted, equal
-from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.scene.units import PER_METRE
 from fenics_contact.scene.words import floor_text, law_text, material_text, tie_ends, tie_text
 
 _log = logging.getLogger("fenics_contact")
 
 #: The page.
 PAGE = "report.html"
-#: Values that are not shown where they are not used: these keys with these values.
-UNUSED = {"body", "tilt", "profile", "surcharge", "wall_friction"}
-NOTHING = (0.0, [0.0, 0.0], "uniform")
 #: What `solve.gap` is; joints have gaps, too.
 GAP = "gap asked for, relative"
-#: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
-PRESSURES = {"traction", "surcharge"}
 #: Forces on the joints of more blocks are too small in a picture on a page.
 LEGIBLE = 120
 #: Rows that the report of a result has room for, and that of a sweep.
@@ -189,11 +185,11 @@ def loads_and_groups(content: Content) -> Iterator[str]:
     if address := content.pictures.get("scene"):
         yield picture(address, PICTURES["scene"])
     loads = {name: scene["loads"][name] for name in ("dead", "live")}
-    rows: list[tuple[str, ...]] = [*_rows(loads, scene["units"], units)]
+    rows: list[tuple[str, ...]] = [*given_rows(loads, scene["units"], units)]
     floors = (scene.get("floors") or {}).items()
     rows += [(f"floor {name}", "force", floor_text(floor, units)) for name, floor in floors]
     soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
-    rows += _rows(soils, scene["units"], units)
+    rows += given_rows(soils, scene["units"], units)
     for name, force in scene["resultants"].items():
         rows.append((name, "resultant", units.forces(force, 4)))
     yield table(rows, ("load", "what", "value"))
@@ -240,30 +236,6 @@ def structure(content: Content) -> Iterator[str]:
     ties = scene["ties"].items()
     held_by = [(name, tie_ends(one, units), tie_text(one, units)) for name, one in ties]
     yield table(held_by, ("tie", "where", "what it carries"), "Ties")
-
-
-def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:
-    """Name, property and value of everything that was given in tables of one kind."""
-
-    def told(key: str, value: object) -> tuple[str, str]:
-        unit = "N/m2" if key in PRESSURES else names.get(key, "") * (value is not True)
-        return KEYS.get(key, key.replace("_", " ")), value_text(value, unit, units)
-
-    for name, given in tables.items():
-        for key, value in given.items():
-            label, words = told(key, value)
-            if isinstance(value, dict):
-                for place, part in value.items():
-                    inside = part if isinstance(part, dict) else {key: part}
-                    pairs = (told(k, v) for k, v in inside.items() if _used(k, v))
-                    yield name, f"{label} {place}", ", ".join(" ".join(pair) for pair in pairs)
-            elif _used(key, value):
-                yield name, label, words
-
-
-def _used(key: str, value: object) -> bool:
-    """Whether a value says something: it is not shown where it switches nothing on."""
-    return value is not None and not (key in UNUSED and value in NOTHING)
 
 
 def load_factors(content: Content) -> Iterator[str]:
