@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         SolveOptions,
         Tie,
     )
+    from fenics_contact.sweeps.mechanisms import Mechanism, Mechanisms, mechanisms
     from fenics_contact.sweeps.points import Point
     from fenics_contact.sweeps.sweep import Sweep, sweep
 
@@ -48,6 +49,8 @@ __all__ = [
     "LimitLoad",
     "Load",
     "Material",
+    "Mechanism",
+    "Mechanisms",
     "Movement",
     "OutputError",
     "OutputOptions",
@@ -63,6 +66,7 @@ __all__ = [
     "__version__",
     "equilibrium",
     "limit_load",
+    "mechanisms",
     "stands",
     "sweep",
 ]
@@ -72,11 +76,14 @@ _HOMES = dict.fromkeys(set(__all__) - set(globals()), "scene.scene") | {
     "BlockMesh": "geometry.mesh",
     "Equilibrium": "equilibrium",
     "LimitLoad": "limit_load",
+    "Mechanism": "sweeps.mechanisms",
+    "Mechanisms": "sweeps.mechanisms",
     "Point": "sweeps.points",
     "SeismicCheck": "answers.seismic",
     "Sweep": "sweeps.sweep",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",
+    "mechanisms": "sweeps.mechanisms",
     "stands": "equilibrium",
     "sweep": "sweeps.sweep",
 }

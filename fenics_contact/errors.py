@@ -56,6 +56,8 @@ class SolverError(ContactError):
 class NoEquilibriumError(SolverError):
     """No state was found under the dead load alone; the message says what is known of it."""
 
+    exit_code = EXIT_CODES["no_equilibrium"]
+
 
 class EffortError(SolverError):
     """A hard limit on the number of factorisations is reached."""

@@ -1,4 +1,4 @@
-"""The command line: `fenics-contact solve`, `check`, `stands`, `sweep`, `report`, `mesh`."""
+"""The command line: `fenics-contact solve`, `check`, `stands`, `sweep`, and so on."""
 
 from __future__ import annotations
 
@@ -128,12 +128,13 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _beside(options: argparse.Namespace, comm: MPI.Comm) -> Executor:
     """Processes for `--jobs`, which import what they need while this one does.
 
-    A sweep waits for its processes, so that a row is on the disk as its point ends.
+    A sweep waits for its processes, so that a row is on the disk as its point ends; so does the
+    table of mechanisms.
     """
     count = getattr(options, "jobs", 1)
     if comm.size > 1 or count < 2:
         return InPlace()
-    return Processes(count if options.command == "sweep" else count - 1)
+    return Processes(count if options.command in ("sweep", "mechanisms") else count - 1)
 
 
 def _command(name: str) -> Command:
@@ -309,5 +310,11 @@ def _parser() -> argparse.ArgumentParser:
         " --vary: all combinations"
     )
     add("--vary", action="append", required=True, metavar="KEY=A:B:N", help=text)
+    add("--jobs", type=int, default=1, metavar="N", help="processes (1)")
+
+    what = "mechanisms of the walls, corners and storeys of rigid blocks, and of the whole"
+    add = of_scene("mechanisms", what, "SCENE_mechanisms")
+    text = "part, group or block that is repaired: glued to what it touches; * stands for anything"
+    add("--exclude", action="append", default=[], metavar="NAME", help=text)
     add("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     return parser

@@ -1,4 +1,4 @@
-"""What the commands do: solve, check, stands, sweep and report; each returns its exit code."""
+"""What the commands do: solve, check, stands, sweep and so on; each returns its exit code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from fenics_contact.console import Progress, ProgressLine, SweepProgress
-from fenics_contact.errors import BAD_INPUT, EXIT_CODES, ContactError, InputError, raised_together
+from fenics_contact.errors import (
+    BAD_INPUT,
+    EXIT_CODES,
+    ContactError,
+    InputError,
+    raised_together,
+    require,
+)
 from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.toml_tables import is_of_blocks, read_toml
@@ -169,6 +176,33 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
         lines += [_next("report", folder)] if any(point.solved for point in found) else []
         print("\n".join(lines), flush=True)
     return max((EXIT_CODES | {WRONG_INPUT: BAD_INPUT})[point.status] for point in found)
+
+
+@_with_workers
+def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) -> int:
+    """Find the mechanisms of all parts of a scene of rigid blocks."""
+    from fenics_contact.sweeps.mechanisms import Mechanism
+    from fenics_contact.sweeps.mechanisms import mechanisms as mechanisms_of
+
+    folder = _output_folder(options, comm, "_mechanisms")
+    tables = read_toml(options.scene, comm, options.overrides)
+    text = "mechanisms are of rigid blocks: give [blocks] in place of [mesh]; see docs/spatial.md"
+    require(is_of_blocks(tables), text)
+    scene = _kind(tables).read(tables, options.scene.parent, comm)
+
+    def tell(row: Mechanism) -> None:
+        if comm.rank == 0 and not options.quiet:
+            print(f"{row.part} {row.way}: {row.end.load_factor:.4g}", flush=True)
+
+    with Signals() as signals:
+        found = mechanisms_of(scene, options.exclude, stop=signals, beside=beside, tell=tell)
+        found.write(folder)
+        number = _first(signals, comm)
+    if comm.rank == 0 and not options.quiet:
+        lines = ["", repr(found), *([found.stopped] * bool(found.stopped)), f"written to {folder}"]
+        print("\n".join([*lines, _next("report", folder)]), flush=True)
+    code = max((EXIT_CODES[row.end.status] for row in found.rows), default=0)
+    return BY_SIGNAL + number if number else code
 
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = "") -> Path:

@@ -135,7 +135,7 @@ def mechanism_record(view: BlockView) -> dict[str, Any]:
 
 def moving_parts(view: BlockView) -> list[Part]:
     """Parts of the blocks that move alike, the largest first."""
-    walls = _walls(view)
+    walls = walls_of(view)
     slides = view.contacts.state == ContactState.SLIP
     found = []
     for those in _alike(view, walls):
@@ -202,7 +202,7 @@ def _away(view: BlockView, those: Flags) -> Array:
     return away / (AMPLITUDE * view.size)
 
 
-def _walls(view: BlockView) -> dict[str, Flags]:
+def walls_of(view: BlockView) -> dict[str, Flags]:
     """Blocks of walls, by what builders call them, or by their groups."""
     groups = view.bodies.groups
     names = np.full(len(groups), "", dtype=object)
@@ -211,7 +211,8 @@ def _walls(view: BlockView) -> dict[str, Flags]:
         for name in set(called.tolist()):
             mine = (called == name) & (view.bodies.volume > 0.0)
             if mine.sum() > 1 and not _is_most(view, mine, view.bodies.volume > 0.0):
-                kind = groups[int(np.argmax(mine))].removesuffix("s")
+                group = groups[int(np.argmax(mine))]
+                kind = "part" if group == "default" else group.removesuffix("s")
                 names[mine] = f"{name} {kind}" if name in SIDES else name.replace("_", " ")
     return {name: names == name for name in dict.fromkeys(names) if name}
 
@@ -289,7 +290,7 @@ def _cracks(view: BlockView) -> str:
     parted = view.contacts.state != ContactState.STICK
     places = np.array([corners.mean(axis=0) for corners in view.touching.corners])
     told: dict[str, list[str]] = {}
-    for name, mine in _walls(view).items():
+    for name, mine in walls_of(view).items():
         moves = np.average(view.share > AS_ONE, weights=view.bodies.volume * mine)
         if BOTH < moves < 1.0 - BOTH:
             way = _crack(places[parted & (view.touching.any_of(mine) == 2)])

@@ -28,6 +28,7 @@ VIEWER = "viewer.html"
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Files of a sweep, and what its folder has behind the name of the result's.
 SWEEP, SWEEP_RECORD, SWEEP_FOLDER = "sweep.csv", "sweep.json", "_sweep"
+MECHANISMS = "mechanisms.json"
 SWEEP_PICTURE, WORST_PICTURE = "sweep.png", "worst.png"
 
 Record = Mapping[str, Any]
@@ -162,7 +163,7 @@ def _pictures(folder: Path, files: Collection[str]) -> dict[str, str]:
         for suffix in IMAGES:
             path = folder / f"{stem}{suffix}"
             if path.name in files and stem not in found and path.is_file():
-                found[stem] = _address(path)
+                found[stem] = address_of(path)
     return found
 
 
@@ -189,12 +190,20 @@ def _draw_kept(record: Record, folder: Path, made: Path, there: Collection[str])
     return f"pictures that are missing: {lost}" if lost else ""
 
 
-def _address(path: Path) -> str:
+def address_of(path: Path) -> str:
     """Data URI of a picture; empty if there is none."""
     if not path.is_file():
         return ""
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     return f"data:{IMAGES[path.suffix]};base64,{data}"
+
+
+def read_mechanisms(folder: Path) -> Record | None:
+    """The table of mechanisms in a folder; None if there is none."""
+    with suppress(OSError, ValueError):
+        record: Record = json.loads((folder / MECHANISMS).read_text(encoding="utf-8"))
+        return record
+    return None
 
 
 def read_sweep(folder: Path) -> SweepRecord | None:
@@ -216,8 +225,8 @@ def read_sweep(folder: Path) -> SweepRecord | None:
         return None
     if not rows:
         return None
-    shown = _address(folder / SWEEP_PICTURE)
-    worst = _address(folder / WORST_PICTURE)
+    shown = address_of(folder / SWEEP_PICTURE)
+    worst = address_of(folder / WORST_PICTURE)
     return SweepRecord(
         keys, rows, points, shown, worst, folder.resolve().name, f"{record.get('version')}"
     )

@@ -29,8 +29,10 @@ from fenics_contact.output.report.content import (
     Labels,
     Record,
     SweepRecord,
+    address_of,
     least,
     read_content,
+    read_mechanisms,
     read_sweep,
 )
 from fenics_contact.output.report.html import (
@@ -120,8 +122,14 @@ def write_report(
         for name in ("weasyprint", "fontTools"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        sweep = None if (folder / RECORD).exists() else read_sweep(folder)
-        if sweep is None:
+        apart = not (folder / RECORD).exists()
+        sweep = read_sweep(folder) if apart else None
+        rows = read_mechanisms(folder) if apart and sweep is None else None
+        if rows is not None:
+            made = labels.line(f"Computed with fenics-contact {rows['version']}")
+            head = [heading(f"Mechanisms: {rows['title']}", 1), paragraph(made, kind="labels")]
+            page = _page(f"Mechanisms: {rows['title']}", [*head, *_of_mechanisms(rows, folder)])
+        elif sweep is None:
             content = read_content(folder, labels)
             page = report_page(content)
             if content.missing:
@@ -320,6 +328,28 @@ def sensitivity(content: Content) -> Iterator[str]:
     if content.sweep is not None:
         yield heading("Sensitivity")
         yield from _of_sweep(content.sweep, ROWS)
+
+
+def _of_mechanisms(record: Record, folder: Path) -> Iterator[str]:
+    """The table of mechanisms, the worst first, and their pictures."""
+    columns = {"load_factor": "load factor, g", "a0": "a0*, m/s2", "over_demand": "a0* / demand"}
+    rows = record["rows"]
+    given = [key for key in columns if any(row[key] is not None for row in rows)]
+    yield paragraph(
+        "Each is a limit load by itself, verified: what is named is pushed with what moves with it,"
+        " the worst first.",
+        sentence(record["stopped"]) if record["stopped"] else "",
+    )
+    cells = [
+        [f"{number} {row['part']} {row['way']}"]
+        + ["-" if row[key] is None else f"{row[key]:.4g}" for key in given]
+        + [row["moves"], row["ties"]]
+        for number, row in enumerate(rows, 1)
+    ]
+    yield table(cells, ["", *(columns[key] for key in given), "what moves", "ties"])
+    for number, row in enumerate(rows, 1):
+        if address := address_of(folder / row.get("picture", "")):
+            yield picture(address, f"{number} {row['part']} {row['way']}: {row['moves']}.")
 
 
 def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:

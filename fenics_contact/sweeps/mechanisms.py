@@ -1,0 +1,395 @@
+"""The table of mechanisms: the limit load of every part and direction, each with its proof.
+
+A part is pushed by its own weight; then what moved with it is pushed, too: its inertia is part of
+the mechanism. Of the whole, what moved is repaired, and the next mechanism is looked for.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from fnmatch import filter as fnfilter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.errors import NoEquilibriumError, Stopped, checked, require
+from fenics_contact.geometry.mesh import Flags
+from fenics_contact.output.folder import filled_at_once, writing
+from fenics_contact.parallel import MPI
+from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import tension_lines
+from fenics_contact.results.words import mechanism_in_words
+from fenics_contact.scene.scene import GRAVITY
+from fenics_contact.spatial.limit import limit_load, standing
+from fenics_contact.spatial.picture import draw_collapse
+from fenics_contact.spatial.record import BlockLimitLoad
+from fenics_contact.spatial.scene import BlockScene
+from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.view import views_of
+from fenics_contact.sweeps.parts import ABOVE, Part, parts_of
+from fenics_contact.version import __version__
+from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, result_of
+
+#: Mechanisms of the whole in one direction, each with those before it repaired.
+MOST = 2
+#: What moves by more than this part of the largest displacement is pushed, and repaired.
+MOVES = 0.05
+#: A mechanism of the whole is one of a part where it has so much of its blocks, and the reverse.
+SHARED = 0.4
+#: So many times the first load factor of the whole, a further mechanism is none that matters.
+FAR = 5.0
+#: Strength of repaired contacts: all of them together could carry so many times the dead load.
+REPAIR = 10.0
+#: A stone is at the eaves if its top is this near to that of the structure, in parts of its size.
+EAVES = 0.05
+#: The record, written last, and the columns of the table in mechanisms.csv.
+RECORD = "mechanisms.json"
+COLUMNS = (
+    *("part", "way", "status", "load_factor", "a0", "over_demand", "moves", "ties", "gap"),
+    *("pushed_blocks", "repaired_blocks", "picture"),
+)
+#: Why a search ended early.
+OVER = "stopped: the time is over (solve.time)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Local(BlockScene):
+    """A scene of which some blocks alone are pushed, and some are repaired, by their numbers."""
+
+    pushed: tuple[int, ...] = ()
+    repaired: tuple[int, ...] = ()
+
+    def structure(self) -> Structure:
+        """See `BlockScene`; contacts of repaired blocks are stronger than any load."""
+        whole = super().structure()
+        number = np.arange(len(whole.blocks))
+        pushed = np.isin(number, self.pushed)
+        repaired = np.isin(number, self.repaired)
+        areas = [contact.area for contact in whole.contacts]
+        strength = REPAIR * np.abs(whole.dead[:, :3]).sum() / np.median(areas)
+        strong = ContactLaw(1.0, strength, tensile_strength=strength, key="repaired")
+        glued = [repaired[[one.first, one.second]].any() for one in whole.contacts]
+        laws = [strong if g else law for g, law in zip(glued, whole.laws, strict=True)]
+        live = np.where(pushed[:, None], whole.live, 0.0)
+        return replace(whole, laws=tuple(laws), live=live)
+
+
+def _moving(result: BlockLimitLoad) -> Flags:
+    """Which blocks move; none without a limit."""
+    return np.asarray(views_of(result)["positive"].share > MOVES) & (result.status == "limit")
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A row of the table.
+
+    Attributes:
+        part: What is pushed, with what moves with it.
+        way: Where to, in words.
+        result: The limit load, with its proof.
+    """
+
+    part: str
+    way: str
+    result: BlockLimitLoad
+
+    @property
+    def end(self) -> Collapse:
+        """The collapse."""
+        return self.result.ends["positive"]
+
+    @property
+    def check(self) -> Any:
+        """The seismic check, a `SeismicCheck`; None if there is none."""
+        return getattr(self.end.answers.get("seismic"), "value", None)
+
+    @property
+    def moves(self) -> str:
+        """What moves, and how, in words; without a limit why."""
+        moving = _moving(self.result)
+        if not moving.any():
+            return self.end.reason
+        view = views_of(self.result)["positive"]
+        told = mechanism_in_words(view)
+        if moving.sum() > 1:
+            return told
+        high, top = view.box_of(moving)[1, 2], view.box[1, 2]
+        place = "at the eaves" if high > top - EAVES * view.size else f"up to z = {high:.3g} m"
+        return f"one stone {place}, {view.bodies.names[int(np.argmax(moving))]}: {told}"
+
+    def record(self) -> dict[str, Any]:
+        """The row as files have it; numbers are None where there is no limit."""
+        end, check, scene = self.end, self.check, self.result.scene
+        found = end.status == "limit"
+        ties = tension_lines(self.result.ties_of(end), self.result.wording.units)
+        return {
+            "part": self.part,
+            "way": self.way,
+            "status": end.status,
+            "load_factor": end.load_factor if found else None,
+            "a0": check.acceleration if check else None,
+            "over_demand": check.acceleration / check.demand if check and check.demand else None,
+            "moves": self.moves,
+            "ties": "".join(line.text for line in ties),
+            "pushed_blocks": len(scene.pushed),
+            "repaired_blocks": len(scene.repaired),
+            "gap": end.gap if found else None,
+            "direction": list(scene.live.acceleration),
+            "proof": end.proof,
+            "residuals": end.residuals,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanisms:
+    """The table of mechanisms.
+
+    Attributes:
+        scene: What was asked for.
+        rows: The worst first: by a0* where it is asked for, else by load factor.
+        stopped: Why the search ended early; empty where it did not.
+    """
+
+    scene: BlockScene
+    rows: Sequence[Mechanism]
+    stopped: str = ""
+
+    def __repr__(self) -> str:
+        """The table as text, each row with what moves below it."""
+        lines = []
+        for number, row in enumerate(self.rows, 1):
+            one = row.record()
+            factor, a0, over = (
+                "-" if one[key] is None else f"{one[key]:.4g}"
+                for key in ("load_factor", "a0", "over_demand")
+            )
+            seismic = f"  a0* = {a0} m/s2" * (self.scene.seismic is not None)
+            enough = "NOT " * ((one["over_demand"] or 0.0) < 1.0) + "enough"
+            verdict = "" if over == "-" else f", {over} of the demand: {enough}"
+            lines.append(f"{number:3}  {row.part} {row.way}: {factor} g{seismic}{verdict}")
+            ties = f"ties: {one['ties']}" * bool(one["ties"])
+            lines += [f"       {text}" for text in (one["moves"], ties) if text]
+        return "\n".join(lines)
+
+    def write(self, folder: Path) -> None:
+        """Write mechanisms.csv, mechanisms.json and a picture of every row into a folder.
+
+        Raises:
+            OutputError: If a file cannot be written; the folder is then as it was.
+        """
+        with filled_at_once(folder, RECORD, MPI.COMM_SELF) as hidden, writing(MPI.COMM_SELF):
+            records = [row.record() for row in self.rows]
+            for number, (row, one) in enumerate(zip(self.rows, records, strict=True), 1):
+                output = replace(self.scene.output, formats=("png",))
+                if _moving(row.result).any() and self.scene.output.pictures:
+                    one["picture"] = f"{number:02}_{re.sub('[^A-Za-z0-9.+-]+', '_', one['part'])}"
+                    one["picture"] += f"_{row.way.replace(' ', '_')}.png"
+                    draw_collapse(row.result, hidden, output)
+                    (hidden / "collapse.png").rename(hidden / one["picture"])
+            with (hidden / "mechanisms.csv").open("w", encoding="utf-8", newline="") as file:
+                table = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
+                table.writeheader()
+                table.writerows(records)
+            record = {"title": self.scene.title, "version": __version__, "stopped": self.stopped}
+            text = json.dumps({**record, "rows": records}, indent=1)
+            (hidden / RECORD).write_text(text + "\n", encoding="utf-8")
+
+
+@checked
+def mechanisms(
+    scene: BlockScene,
+    exclude: Sequence[str] = (),
+    *,
+    stop: Callable[[], str] = asked_to_stop,
+    beside: Executor | None = None,
+    tell: Callable[[Mechanism], None] = lambda row: None,
+) -> Mechanisms:
+    """Find the mechanisms of the parts of a structure and of the whole.
+
+    Args:
+        scene: Rigid blocks; of the live load the size of `body` counts, not its direction.
+        exclude: Parts, groups or blocks that are repaired: glued to all that they touch; `*` stands
+            for anything.
+        stop: Asked now and then who wants the search to end, in words; empty while nobody does.
+        beside: Does whole tasks beside this process, see `fenics_contact.workers`.
+        tell: Told of every row as it is found.
+
+    Returns:
+        The table; of what was found by then where it is stopped or `solve.time` is over.
+
+    Raises:
+        InputError: If the scene has loads that are no weights, or a name is wrong.
+        NoEquilibriumError: If the dead load has no state.
+    """
+    live = scene.live
+    text = (
+        "mechanisms are pushed by weights, on ground at rest: leave out loads.live.traction, .force"
+    )
+    text += " and loads.dead.movement; a mass on the walls is [floors.NAME] with mass = true"
+    require(not (live.traction or live.force or scene.dead.movement), text)
+    rest = standing(scene)
+    if rest.status != "equilibrium":
+        raise NoEquilibriumError(f"the dead load has no equilibrium: {rest.reason()}")
+    whole, *parts = parts_of(views_of(rest)["positive"], _floors(scene))
+    repaired = np.isin(np.arange(len(whole.blocks)), _named(scene, parts, exclude))
+    search = _Search(scene, repaired, time.monotonic() + (scene.solve.time or math.inf))
+    executor = beside or InPlace()
+    rows: list[Mechanism] = []
+    stopped = ""
+
+    def check_stop() -> None:
+        if reason := search.over() or stop():
+            raise Stopped(reason)
+
+    def run(task: Callable[..., list[Mechanism]], orders: Iterable[tuple[Any, ...]]) -> None:
+        """Add the rows of tasks; those found by then once the search is to end."""
+        nonlocal stopped
+        for one in [executor.submit(task, *order) for order in orders]:
+            try:
+                check_stop()
+                found = result_of(one, check_stop)
+            except Stopped as end:
+                stopped = str(end)
+                found = last_result_of(one, executor) or []
+            for row in found:
+                tell(row)
+            rows.extend(found)
+
+    run(search.of_whole, [(whole, way) for way in whole.ways])
+    first = {row.way: _moving(row.result) for row in reversed(rows)}
+    unknown = np.zeros(len(repaired), dtype=bool)
+    left = [part for part in parts if np.any(part.blocks & ~repaired)]
+    run(
+        search.of_part,
+        [(part, way, first.get(way.split()[-1], unknown)) for part in left for way in part.ways],
+    )
+
+    def rank(row: Mechanism) -> tuple[bool, float]:
+        """The worst first, what has no limit last."""
+        return (
+            row.end.status != "limit",
+            row.check.acceleration if row.check else row.end.load_factor,
+        )
+
+    return Mechanisms(scene, sorted(rows, key=rank), stopped)
+
+
+def _floors(scene: BlockScene) -> list[float]:
+    """Heights of floors below the top, m."""
+    moving = [block for block in scene.blocks if not block.fixed]
+    tops = [float(block.extent[1][2]) for block in moving if block.group == "floors"]
+    given = [floor.height for floor in scene.floors.values() if floor.height is not None]
+    top = max(float(block.extent[1][2]) for block in moving)
+    return [round(level, 3) for level in (*tops, *given) if level < top - ABOVE]
+
+
+def _named(scene: BlockScene, parts: Sequence[Part], names: Sequence[str]) -> list[int]:
+    """Numbers of the blocks of parts, groups or blocks with these names.
+
+    Raises:
+        InputError: If there are none of a name; the message has all such names.
+    """
+    called = {
+        number: {block.name, block.group, *(part.name for part in parts if part.blocks[number])}
+        for number, block in enumerate(scene.blocks)
+        if not block.fixed
+    }
+    mine = {n: [k for k, own in called.items() if fnfilter(own, n)] for n in names}
+    wrong = ", ".join(f"'{name}'" for name, those in mine.items() if not those)
+    known = ", ".join(f"'{part.name}'" for part in parts)
+    text = f"exclude: there is no part, group or block {wrong}; the parts are {known}"
+    require(not wrong, f"{text}; * stands for anything")
+    return [number for those in mine.values() for number in those]
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The search for mechanisms of parts; its tasks return what was found before they were stopped.
+
+    Attributes:
+        scene: What is searched.
+        repaired: Blocks that are repaired from the beginning, shape (blocks,).
+        deadline: When it ends, by the monotonic clock, s.
+    """
+
+    scene: BlockScene
+    repaired: Flags
+    deadline: float
+
+    def over(self) -> str:
+        """Why it is to end; empty while it may go on."""
+        return OVER if time.monotonic() > self.deadline else asked_to_stop()
+
+    def solved(
+        self, part: Part, way: str, pushed: Flags, repaired: Flags, quick: bool
+    ) -> BlockLimitLoad:
+        """The limit load of a part with some blocks pushed, and some repaired.
+
+        Raises:
+            Stopped: If the search is to end.
+        """
+        scene = self.scene
+        size = math.hypot(*scene.live.acceleration) or GRAVITY
+        body = size * part.ways[way][:: 4 - scene.dimension]
+        options: dict[str, Any] = {"direction": "positive", "states": "first", "beyond": False}
+        options |= {"time": None, "fast": True, "lowest": None, "peak": None, "quick": quick}
+        given = {item.name: getattr(scene, item.name) for item in fields(scene)}
+        given["live"] = replace(scene.live, body=tuple(body.tolist()))
+        given["solve"] = replace(scene.solve, **options)
+        given["title"] = f"{scene.title}: {part.name} {way}".removeprefix(": ")
+        given["output"] = replace(scene.output, capacity=0)
+        given["seismic"] = scene.seismic and replace(scene.seismic, nonlinear=False)
+        numbers = [tuple(np.flatnonzero(those).tolist()) for those in (pushed, repaired)]
+        result = limit_load(_Local(**given, pushed=numbers[0], repaired=numbers[1]), stop=self.over)
+        require(not result.stopped, result.stopped, Stopped)
+        return result
+
+    def of_whole(self, whole: Part, way: str) -> list[Mechanism]:
+        """Mechanisms under the weight of all blocks, each with those before it repaired."""
+        rows: list[Mechanism] = []
+        repaired, quick = self.repaired, self.scene.solve.quick
+        with suppress(Stopped):
+            while len(rows) < MOST:
+                result = self.solved(whole, way, whole.blocks, repaired, quick)
+                moves = _moving(result)
+                if rows and not moves.any():
+                    break
+                if rows and result.load_factor > FAR * rows[0].end.load_factor:
+                    break
+                rows.append(Mechanism(f"whole{', next' * bool(rows)}", way, result))
+                repaired = repaired | moves
+        return rows
+
+    def of_part(self, part: Part, way: str, moves: Flags) -> list[Mechanism]:
+        """The mechanism of a part that is pushed with what moves with it.
+
+        Args:
+            part: Which one.
+            way: Where to.
+            moves: Blocks of the first mechanism of the whole in this direction.
+        """
+        quick = self.scene.solve.quick
+        mine = part.blocks
+        found = None
+        with suppress(Stopped):
+            if np.sum(moves & mine) < SHARED * max(np.sum(moves), np.sum(mine)):  # not of this part
+                found = self.solved(part, way, mine, self.repaired, True)
+                moves = _moving(found)
+            both = moves & mine
+            if not quick or found is None or np.any(moves & ~mine):
+                wider = self.solved(part, way, mine | moves, self.repaired, quick)
+                if 2 * np.sum(_moving(wider) & both) >= np.sum(both):
+                    found = wider
+                elif not quick or found is None:
+                    found = self.solved(part, way, mine, self.repaired, quick)
+            return [Mechanism(part.name, way, found)]
+        return []
