@@ -4,7 +4,6 @@ Blocks are convex polyhedra, or several that move as one. Where plane sides of t
 contact carries pressure and Coulomb friction at points. Blocks are rigid; faces are elastic.
 """
 
-from fenics_contact.motion import answer as _after_the_peak
 from fenics_contact.scene.scene import (
     Floor,
     Force,
@@ -17,9 +16,6 @@ from fenics_contact.scene.scene import (
     SolveOptions,
     Tie,
 )
-from fenics_contact.spatial import along_path as _along_path
-from fenics_contact.spatial import other_states as _other_states
-from fenics_contact.spatial import upper_end as _upper_end
 from fenics_contact.spatial.block_tables import prism
 from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.loads import Sides
@@ -27,9 +23,6 @@ from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.record import BlockLimitLoad as LimitLoad
 from fenics_contact.spatial.scene import BlockScene as Scene
 from fenics_contact.spatial.scene import Foundation, Plane
-
-#: Files of answers, each of which registers its own.
-ANSWERS = (_after_the_peak, _along_path, _other_states, _upper_end)
 
 __all__ = [
     "Block",

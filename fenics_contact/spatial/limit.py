@@ -14,6 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ from fenics_contact.workers import asked_to_stop, ranks_of
 _log = logging.getLogger("fenics_contact")
 
 UNLIMITED = "nothing limits the live load"
+#: Modules of answers, each of which registers its own. They stand on this one.
+ANSWERS = ("motion.answer", "spatial.along_path", "spatial.other_states", "spatial.upper_end")
 
 
 @checked
@@ -103,6 +106,8 @@ def solved(
     tell: Callable[[str], None] = lambda text: None,
 ) -> Collapse:
     """A task: the collapse in one direction with all that the scene asks for."""
+    for name in ANSWERS:
+        import_module(f"fenics_contact.{name}")
     check_stop = check_stop or _check(scene, asked_to_stop)
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")

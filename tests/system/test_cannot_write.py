@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from fenics_contact.cli import commands
+from fenics_contact.cli import meshed
 from fenics_contact.errors import OutputError
 from fenics_contact.output.folder import filled_at_once
 from tests.drawing import rectangle
@@ -84,7 +84,7 @@ def no_right(folder: Path) -> None:
 def test_folder_that_changes_during_the_run(
     happens: Callable[[Path], None], reason, folder, capsys, monkeypatch
 ):
-    solved = commands.limit_load
+    solved = meshed.limit_load
 
     def solve(*arguments, **options):
         result = solved(*arguments, **options)
@@ -97,7 +97,7 @@ def test_folder_that_changes_during_the_run(
         return result
 
     before: set[str] = set()
-    monkeypatch.setattr(commands, "limit_load", solve)
+    monkeypatch.setattr(meshed, "limit_load", solve)
     if MPI.COMM_WORLD.rank == 0:
         write_scene(folder)
     MPI.COMM_WORLD.barrier()
