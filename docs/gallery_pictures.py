@@ -17,7 +17,7 @@ from fenics_contact import limit_load
 from fenics_contact.output.report.page import write_report
 
 DOCS = Path(__file__).resolve().parent
-WIDTH, COLOURS = 680, 128  # pixels; for small files
+WIDTH, COLOURS = 680, 112  # pixels; for small files
 
 SPACE, SPACE_COLOURS = 320, 24  # pixels of structures in space
 
@@ -40,11 +40,12 @@ def first_page(name: str) -> Image.Image:
 
 
 def oblique_view(picture: Image.Image) -> Image.Image:
-    """The last of three views of a structure in space, without titles and legend."""
+    """The last view of a structure in space, of three or one, without titles and legend."""
     low = picture.height // 8  # below the titles
     dark = np.asarray(picture.convert("L"))[low:] < 250
     columns = np.flatnonzero(dark[: 6 * low].any(axis=0))  # above the legend
-    left = columns[np.flatnonzero(np.diff(columns) > 6)[-1] + 1]
+    between = np.flatnonzero(np.diff(columns) > 6)
+    left = columns[between[-1] + 1 if between.size else 0]
     rows = np.flatnonzero(dark[:, left:].any(axis=1))
     gaps = np.flatnonzero(np.diff(rows) > 4)
     bands = np.split(rows, gaps + 1)

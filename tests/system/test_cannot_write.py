@@ -32,6 +32,7 @@ ON_A_FULL_DISK = """
 import resource, sys
 from mpi4py import MPI  # whose own files are there before the disk is full
 from fenics_contact.cli import main
+sys.dont_write_bytecode = True  # Python would keep the part of a .pyc that fits
 resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[1]),))
 sys.exit(main(sys.argv[2:]))
 """
