@@ -20,24 +20,10 @@ from fenics_contact.geometry import builders
 from fenics_contact.motion import beyond as following
 from fenics_contact.spatial import Scene
 from fenics_contact.spatial.limit import collapse_of
+from meshes.make_meshes import WALLS
 from tests.motion.closed import CASES, spread
 from tests.motion.structures import arch, box, in_plane, in_space
 
-#: Courses of walls W1 to W4, in bricks of 0.4 x 0.175 m; negative: a void.
-E, U = [0.5, 1, 1, 1, 1, 0.5], [1, 1, 1, 1, 1]
-THIRD = {
-    "E": [1, 1, 1, 1],
-    "U": [0.5, 1, 1, 1, 0.5],
-    "e": [1, 0.5, -1, 0.5, 1],
-    "u": [0.5, 1, -1, 1, 0.5],
-}
-FOURTH = {"E": E, "U": U, "u": [1, -1, 1, -1, 1], "e": [0.5, 0.5, -1, 0.5, 0.5, -1, 0.5, 0.5]}
-WALLS = {
-    "W1": [E, U] * 3,
-    "W2": [E, U] * 5,
-    "W3": [THIRD[course] for course in "EUEueueuEUE"],
-    "W4": [FOURTH[course] for course in "EUEueueuEUE"],
-}
 #: Spread at which a semicircle falls, % of its span, by thickness over radius: three-hinge arch.
 SPREAD = {0.12: 1.675, 0.15: 7.012, 0.2: 13.472}
 
@@ -86,7 +72,7 @@ def built(builder: str, push: tuple[float, ...], friction: float = 0.6, **shape:
 
 BRICK = {"thickness": 0.4, "brick": [0.6, 0.4]}
 STRUCTURES: dict[str, Callable[[], Scene]] = {
-    **{name: (lambda name=name: wall(name)) for name in WALLS},
+    **{name.upper(): (lambda name=name: wall(name)) for name in WALLS},
     "arch of 15": lambda: in_plane(arch(15, 0.15), fixed=[15, 16], friction=1.0, density=2400.0),
     "buttress of 8": lambda: standing(
         [box(0, 0.5 * k, 1.2 - 0.1 * k, 0.5 * (k + 1)) for k in range(8)], 0.6

@@ -5,6 +5,7 @@ A new answer is a class derived from `Asked`, in a file of its own in this folde
 
 from __future__ import annotations
 
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -20,6 +21,8 @@ from fenics_contact.output.view import view_of
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Answer, Collapse
 from fenics_contact.scene.scene import SolveOptions
+
+_log = logging.getLogger("fenics_contact")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,8 +226,11 @@ def asked(
             tell(kind.begins)
         try:
             answer, end = kind.run(question)
-        except (SolverError, Stopped) as error:
-            answer, end = kind.not_known(str(error)), replace(end, stopped=str(error))
+        except SolverError as error:
+            _log.info("  %s: %s", kind.begins or kind.name, error)
+            answer = kind.not_known(str(error))
+        except Stopped as stop:
+            answer, end = kind.not_known(str(stop)), replace(end, stopped=str(stop))
     return end if answer is None else end.with_answer(answer)
 
 

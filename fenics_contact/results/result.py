@@ -472,7 +472,7 @@ class Shown(NamedTuple):
     mode: Array | None = None
 
 
-class ByDirection:
+class ByDirection(ABC):
     """Limit loads in one direction of the live load or both.
 
     Attributes:
@@ -545,9 +545,9 @@ class ByDirection:
         return "_negative" if direction == "negative" and len(self.ends) == 2 else ""
 
     @property
+    @abstractmethod
     def wording(self) -> Wording:
         """How its load factors are told."""
-        raise NotImplementedError
 
     @property
     def curve_end(self) -> CurveEnd | None:
@@ -562,9 +562,9 @@ class ByDirection:
             return end.reason
         return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
 
+    @abstractmethod
     def ties_of(self, end: Collapse) -> Mapping[str, Any]:
         """What ties carry at one end, by name as of `tie_arrays`; empty without ties or forces."""
-        raise NotImplementedError
 
     def own_lines(self, end: Collapse, words: Wording) -> list[Line]:
         """What is told of one end beside answers and bracket: forces of ties."""

@@ -6,6 +6,7 @@ import cmath
 import copy
 import math
 import pickle
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
@@ -710,33 +711,6 @@ class Shared(_Own):
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
 
-    @classmethod
-    @checked
-    def from_file(
-        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-    ) -> Self:
-        """Read a scene file, and its mesh or blocks.
-
-        Args:
-            path: The TOML file; files that it names are found relative to it.
-            comm: By default, the communicator that PETSc was started with.
-            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
-
-        Raises:
-            InputError: On all ranks, if a file is missing or wrong.
-        """
-        comm = compat.default_comm() if comm is None else comm
-        return cls.of_tables(read_toml(Path(path), comm, overrides), Path(path).parent, comm)
-
-    @classmethod
-    def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> Self:
-        """A scene from the tables of a file in a folder, on all ranks.
-
-        Raises:
-            InputError: If a table, or a file that one names, is wrong.
-        """
-        raise NotImplementedError
-
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds that the scene is of, see `scene.rules.OF`."""
@@ -786,8 +760,39 @@ class Shared(_Own):
         return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
 
+class OfFile(Shared, ABC):
+    """What scenes have alike that are read from files; see `Scene`."""
+
+    @classmethod
+    @checked
+    def from_file(
+        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+    ) -> Self:
+        """Read a scene file, and its mesh or blocks.
+
+        Args:
+            path: The TOML file; files that it names are found relative to it.
+            comm: By default, the communicator that PETSc was started with.
+            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
+
+        Raises:
+            InputError: On all ranks, if a file is missing or wrong.
+        """
+        comm = compat.default_comm() if comm is None else comm
+        return cls.of_tables(read_toml(Path(path), comm, overrides), Path(path).parent, comm)
+
+    @classmethod
+    @abstractmethod
+    def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> Self:
+        """A scene from the tables of a file in a folder, on all ranks.
+
+        Raises:
+            InputError: If a table, or a file that one names, is wrong.
+        """
+
+
 @dataclass(frozen=True)
-class Scene(Shared):
+class Scene(OfFile):
     """Blocks, what joins and holds them, and what loads them.
 
     Attributes:
@@ -870,7 +875,7 @@ class Scene(Shared):
 
     @classmethod
     def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> Scene:
-        """See `Shared`."""
+        """See `OfFile`."""
         return cls.from_tables(
             tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
         )

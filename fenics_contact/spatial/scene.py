@@ -33,7 +33,7 @@ from fenics_contact.scene.scene import (
     JointLaw,
     Load,
     Material,
-    Shared,
+    OfFile,
     Tables,
 )
 from fenics_contact.scene.toml_tables import as_mapping, from_table
@@ -108,7 +108,7 @@ class Foundation(JointLaw):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BlockScene(Shared):
+class BlockScene(OfFile):
     """Rigid blocks, in space or in the plane, with their laws and loads.
 
     Attributes:
@@ -178,7 +178,7 @@ class BlockScene(Shared):
 
     @classmethod
     def of_tables(cls, tables: Mapping[str, Any], folder: Path, comm: MPI.Comm) -> BlockScene:
-        """See `Shared`."""
+        """See `OfFile`."""
         scene = None
         with raised_together(comm):
             if comm.rank == 0:

@@ -35,7 +35,7 @@ from fenics_contact.spatial.record import BlockLimitLoad
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.view import views_of
-from fenics_contact.sweeps.parts import ABOVE, Part, parts_of
+from fenics_contact.sweeps.parts import ABOVE, PushedPart, parts_of
 from fenics_contact.version import __version__
 from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, result_of
 
@@ -292,7 +292,7 @@ def _floors(scene: BlockScene) -> list[float]:
     return [round(level, 3) for level in (*tops, *given) if level < top - ABOVE]
 
 
-def _named(scene: BlockScene, parts: Sequence[Part], names: Sequence[str]) -> list[int]:
+def _named(scene: BlockScene, parts: Sequence[PushedPart], names: Sequence[str]) -> list[int]:
     """Numbers of the blocks of parts, groups or blocks with these names.
 
     Raises:
@@ -330,7 +330,7 @@ class _Search:
         return OVER if time.monotonic() > self.deadline else asked_to_stop()
 
     def solved(
-        self, part: Part, way: str, pushed: Flags, repaired: Flags, quick: bool
+        self, part: PushedPart, way: str, pushed: Flags, repaired: Flags, quick: bool
     ) -> BlockLimitLoad:
         """The limit load of a part with some blocks pushed, and some repaired.
 
@@ -353,7 +353,7 @@ class _Search:
         require(not result.stopped, result.stopped, Stopped)
         return result
 
-    def of_whole(self, whole: Part, way: str) -> list[Mechanism]:
+    def of_whole(self, whole: PushedPart, way: str) -> list[Mechanism]:
         """Mechanisms under the weight of all blocks, each with those before it repaired."""
         rows: list[Mechanism] = []
         repaired, quick = self.repaired, self.scene.solve.quick
@@ -369,7 +369,7 @@ class _Search:
                 repaired = repaired | moves
         return rows
 
-    def of_part(self, part: Part, way: str, moves: Flags) -> list[Mechanism]:
+    def of_part(self, part: PushedPart, way: str, moves: Flags) -> list[Mechanism]:
         """The mechanism of a part that is pushed with what moves with it.
 
         Args:

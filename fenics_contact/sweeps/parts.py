@@ -21,7 +21,7 @@ ABOVE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class PushedPart:
     """Blocks that are looked at together.
 
     Attributes:
@@ -36,7 +36,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class _Wall(Part):
+class _Wall(PushedPart):
     """A straight, upright wall.
 
     Attributes:
@@ -50,28 +50,30 @@ class _Wall(Part):
     is_outer: bool
 
 
-def parts_of(view: BlockView, floors: Iterable[float]) -> list[Part]:
+def parts_of(view: BlockView, floors: Iterable[float]) -> list[PushedPart]:
     """The whole, its walls, what is above floors at their heights, m, and corners."""
     moves = ~view.bodies.fixed
     axes = np.eye(3)[: view.bodies.dimension - 1]
     every = dict(_told("", way) for axis in axes for way in (axis, -axis))
-    parts = [Part("whole", moves, every)]
+    parts = [PushedPart("whole", moves, every)]
     named = walls_of(view)
     walls: list[_Wall] = []
     if len(axes) > 1:
         walls = [wall for name, mine in named.items() for wall in _straight(view, name, mine)]
         parts += walls
     else:
-        parts += [Part(name, mine, every) for name, mine in named.items()]
+        parts += [PushedPart(name, mine, every) for name, mine in named.items()]
     for level in sorted(set(floors), reverse=True):
         above = moves & (view.bodies.centroid[:, 2] > level + ABOVE)
         name = f"above z = {level:g} m"
         parts += [
-            Part(f"{wall.name} {name}", wall.blocks & above, dict(list(wall.ways.items())[:1]))
+            PushedPart(
+                f"{wall.name} {name}", wall.blocks & above, dict(list(wall.ways.items())[:1])
+            )
             for wall in walls
             if wall.is_outer
         ]
-        parts.append(Part(name, above, every))
+        parts.append(PushedPart(name, above, every))
     for pair in combinations(walls, 2):
         parts += _corner(view, *pair)
     return [part for part in parts if part.blocks.any()]
@@ -101,7 +103,7 @@ def _straight(view: BlockView, name: str, mine: Flags) -> Iterator[_Wall]:
     yield _Wall(name, mine, dict(_told(*way) for way in ways), length, normal, is_outer)
 
 
-def _corner(view: BlockView, one: _Wall, two: _Wall) -> Iterator[Part]:
+def _corner(view: BlockView, one: _Wall, two: _Wall) -> Iterator[PushedPart]:
     """The corner of two outer walls that meet at an angle, outwards."""
     pairs = view.touching.pairs
     meets = (one.blocks[pairs].any(axis=1)) & (two.blocks[pairs].any(axis=1))
@@ -112,4 +114,4 @@ def _corner(view: BlockView, one: _Wall, two: _Wall) -> Iterator[Part]:
     near = away < CORNER * min(one.length, two.length)
     out = (one.normal + two.normal) / np.linalg.norm(one.normal + two.normal)
     name = f"corner of {one.name} and {two.name}"
-    yield Part(name, (one.blocks | two.blocks) & near, {"outwards": out})
+    yield PushedPart(name, (one.blocks | two.blocks) & near, {"outwards": out})
