@@ -244,8 +244,6 @@ class SearchOptions:
     #: states are looked for beside elastic ones of this gap, `rough_gap` in the plane: many points
     #: of a face share its pressure, and a twisted block carries 30 % more next to a state of 1e-2.
     side_accuracy: float = 1e-4
-    #: Works at the end of the capacity curve and at the onset of the collapse.
-    beyond_onset: float = 1.4
 
     # ---- peak of the path (answers/peak)
     #: A load factor is higher than another one by this, relative; so much a path falls past a peak.

@@ -243,7 +243,7 @@ def capacity_curve(
     points: int,
     monitor: Callable[[int, int, CapacityPoint], None],
 ) -> list[CapacityPoint]:
-    """Load factors at rising work up to a collapse and a little beyond.
+    """Load factors at rising work up to a collapse.
 
     Slip is measured from the stress-free state. With load control its steps are the points. Points
     at which no state was found have nan, and are not `converged`. The monitor is told the number
@@ -257,7 +257,7 @@ def capacity_curve(
     unit = case.problem.sum(np.abs(case.problem.live))
     # Denser at first, where the path bends.
     fractions = (np.arange(1, points + 1) / points) ** 1.5
-    last = SEARCH.beyond_onset * end.state.work
+    last = end.state.work
     found: dict[int, CapacityPoint] = {}
     works: list[float] = []
     try:

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import check_types, checked, require
-from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
+from fenics_contact.geometry.gmsh_mesh import GmshMesh, bodies_of_cells, extract, gmsh_session
 from fenics_contact.geometry.outlines import (
+    COINCIDENT,
     Polygons,
     Segments,
     divided_outlines,
@@ -482,3 +483,34 @@ class Drawing:
         empty[points_near_segments(middle, ends, near).point] = False
         rows = np.column_stack([place, pairs.distance[first], beyond[first] <= near])
         return rows[empty]
+
+
+def drawing_of(mesh: GmshMesh) -> Drawing:
+    """Outlines of the blocks of a mesh, and its groups, without nodes within straight sides.
+
+    Raises:
+        InputError: If a block has a hole.
+    """
+    from shapely.geometry import MultiLineString, Polygon
+    from shapely.ops import linemerge, unary_union
+
+    near = COINCIDENT * float(np.ptp(mesh.points, axis=0).max())
+    body = bodies_of_cells(mesh)
+    _, first = np.unique(body, return_index=True)
+    outlines = []
+    for cells in (mesh.cells[body == number] for number in range(len(first))):
+        whole = unary_union([Polygon(corners) for corners in mesh.points[cells]])
+        outline = whole.normalize().simplify(near)
+        x, y = mesh.points[cells[0, 0]]
+        text = f"{mesh.source}: the block at ({x:g}, {y:g}) has a hole; draw it as two halves"
+        require(outline.geom_type == "Polygon" and not outline.interiors, text)
+        outlines.append(np.array(outline.exterior.coords)[:-1])
+    groups: dict[str, list[Any]] = {}
+    for number, names in enumerate(mesh.facet_sets):
+        facets = mesh.points[mesh.facets[mesh.facet_groups == number]]
+        merged = linemerge(MultiLineString(list(facets))).simplify(near)
+        for line in getattr(merged, "geoms", [merged]):
+            for name in names:
+                groups.setdefault(name, []).extend(itertools.pairwise(np.array(line.coords)))
+    kinds = [min(mesh.cell_sets[number]) for number in mesh.cell_groups[first]]
+    return Drawing(outlines, kinds, groups)

@@ -15,8 +15,9 @@ import numpy as np
 from fenics_contact.errors import InputError, require
 from fenics_contact.geometry import builders
 from fenics_contact.geometry.dxf.blocks import read_dxf
+from fenics_contact.geometry.gmsh_mesh import read_file
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.geometry.meshing import Drawing
+from fenics_contact.geometry.meshing import Drawing, drawing_of
 from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed
@@ -210,10 +211,12 @@ def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:
         path = folder / given["file"]
         unit = given.get("unit")
         if in_plane:
-            drawn = read_dxf(path, unit)
-            read = _drawn(drawn.drawing)
+            is_mesh = path.suffix.lower() == ".msh"
+            require(not (is_mesh and unit), f"blocks.unit: {path.name} is in m, as all meshes")
+            drawn = None if is_mesh else read_dxf(path, unit)
+            read = _drawn(drawn.drawing if drawn else drawing_of(read_file(path)))
             told = f"{path.name}: {counted(len(read.blocks), 'block')}"
-            read = read._replace(told=told, notes=drawn.notes)
+            read = read._replace(told=told, notes=drawn.notes if drawn else ())
         else:
             readers = import_module("fenics_contact.spatial.readers")
             read = ReadBlocks(*readers.read_blocks(path, unit))

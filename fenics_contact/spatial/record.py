@@ -38,7 +38,7 @@ class BlockLimitLoad(SpatialLimit):
     ) -> None:
         """Write result.json and what the scene's output options say, on the first rank.
 
-        The folder is made. Once `hurry` is true only result.json is written. Nothing is left to
+        The folder is made. Once `hurry` is true only result.json and tables are. Nothing is left to
         other processes (`beside`).
 
         Raises:
@@ -49,9 +49,10 @@ class BlockLimitLoad(SpatialLimit):
         def draw(hidden: Path) -> list[str]:
             lost: list[str] = []
             views = views_of(self)
-            for name, end in self.limits.items() if not hurry() else ():
+            tables = replace(output, paraview=False, pictures=False)
+            for name, end in self.limits.items():
                 for answer in end.told:
-                    answer.write(hidden, views[name], output)
+                    answer.write(hidden, views[name], tables if hurry() else output)
             if output.paraview and not hurry():
                 write_fields(self, hidden)
             if output.pictures and not hurry():

@@ -80,6 +80,14 @@ def test_ground_moves_on():
     assert "as the ground moves on it is pressed with" in result.summary()
 
 
+def test_table_is_written_in_a_hurry(tmp_path):
+    scene = in_plane([box(0, 0, 0.5, 5.0)], solve={"beyond": 0.05})
+    limit_load(scene).write(tmp_path, hurry=lambda: True)
+    assert {path.name for path in tmp_path.iterdir()} == {"beyond.csv", "result.json"}
+    last = (tmp_path / "beyond.csv").read_text().splitlines()[-1]
+    assert float(last.split(",")[0]) >= 0.05
+
+
 @pytest.mark.parametrize(
     ("tables", "message"),
     [

@@ -14,6 +14,8 @@ import pytest
 from benchmarks.scenes import outlines
 from fenics_contact import InputError, JointLaw, limit_load
 from fenics_contact import spatial as rigid
+from fenics_contact.geometry import builders
+from fenics_contact.geometry.meshing import model_from_arrays
 from fenics_contact.output.report.page import write_report
 from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.toml_tables import is_of_blocks
@@ -303,3 +305,32 @@ def test_a_drawing_may_lie_on_its_side(tmp_path):
     scene = scene_of(tmp_path, blocks={"file": "lies.dxf", "unit": "mm", "up": "x"})
     low, high = scene.blocks[0].extent
     assert high - low == pytest.approx([1.0, 1.0, 2.0])
+
+
+def test_blocks_of_a_mesh_file_are_its_outlines(tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    builders.facade(storeys=1, bays=1).mesh(0.3)
+    gmsh.write(str(tmp_path / "drawn.msh"))
+    laws = {"foundations": {"base": {"friction": 0.5}}, "joints": {"default": {"friction": 0.6}}}
+    by_name = {"builder": "facade", "storeys": 1, "bays": 1}
+    scenes = [scene_of(tmp_path, **laws, blocks=b) for b in (by_name, {"file": "drawn.msh"})]
+    drawn, meshed = (sorted(scene.blocks, key=lambda b: b.centroid.tolist()) for scene in scenes)
+    for one, two in zip(drawn, meshed, strict=True):
+        assert one.group == two.group
+        assert np.allclose(one.extent, two.extent, atol=1e-6)
+        assert one.volume == pytest.approx(two.volume, rel=1e-6)
+        assert [len(p.corners) for p in one.pieces] == [len(p.corners) for p in two.pieces]
+    one, two = (rigid.limit_load(scene).load_factor for scene in scenes)
+    assert one == pytest.approx(two, rel=1e-5)
+
+
+def test_a_block_with_a_hole_is_told(tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    ring = [[k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k] for k in range(4)]
+    model_from_arrays(np.vstack([2 * corners, corners]), {"ring": ring}, {"base": [[0, 1]]})
+    gmsh.write(str(tmp_path / "ring.msh"))
+    with pytest.raises(InputError, match="has a hole; draw it as two halves"):
+        scene_of(tmp_path, blocks={"file": "ring.msh"})
+    with pytest.raises(InputError, match=r"ring\.msh is in m"):
+        scene_of(tmp_path, blocks={"file": "ring.msh", "unit": "mm"})
