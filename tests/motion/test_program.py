@@ -64,6 +64,7 @@ def test_files_and_words(solved, capsys):
     page = (solved / "out" / "report.html").read_text()
     assert "After the peak" in page
     assert "ground acceleration that it stands" in page
+    assert "What is left as the structure leans on, and its poses, live load reversed." in page
 
 
 def test_ground_moves_on():

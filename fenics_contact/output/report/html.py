@@ -88,6 +88,7 @@ _SHOWN = {
     "forces": "Joint forces at collapse, each through its centre of pressure",
     "thrust": "Lines of thrust",
     "stress": "Principal stresses",
+    "beyond": "What is left as the structure leans on, and its poses",
 }
 
 #: What pictures show, by name of the file without its ending, in the order of the page.

@@ -67,6 +67,12 @@ _log = logging.getLogger("fenics_contact")
 PAGE = "report.html"
 #: What `solve.gap` is; joints have gaps, too.
 GAP = "gap asked for, relative"
+#: Headings of curves, by name of the picture.
+CURVES = {
+    "capacity": "Capacity curve",
+    "beyond": "After the peak",
+    "beyond_negative": "After the peak, live load reversed",
+}
 #: Forces on the joints of more blocks are too small in a picture on a page.
 LEGIBLE = 120
 #: Rows that the report of a result has room for, and that of a sweep.
@@ -293,9 +299,9 @@ def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> 
 
 
 def forces(content: Content) -> Iterator[str]:
-    """Pictures of forces and stresses that say something, and the capacity curve."""
+    """Pictures of forces and stresses that say something, and of what is carried on the way."""
     many = content.record["mesh"]["bodies"] > LEGIBLE
-    first = ("collapse", "collapse_negative", "scene", "capacity")
+    first = ("collapse", "collapse_negative", "scene", *CURVES)
     found = {
         stem: address
         for stem, address in content.pictures.items()
@@ -318,9 +324,10 @@ def forces(content: Content) -> Iterator[str]:
         if end.get("engine") == "faces" and stem.startswith("stress"):
             more = " They are those of elastic blocks under the joint forces of the state."
         yield picture(address, PICTURES[stem] + more)
-    if address := content.pictures.get("capacity", ""):
-        yield heading("Capacity curve")
-        yield picture(address, PICTURES["capacity"])
+    for stem, name in CURVES.items():
+        if address := content.pictures.get(stem, ""):
+            yield heading(name)
+            yield picture(address, PICTURES[stem])
 
 
 def sensitivity(content: Content) -> Iterator[str]:
