@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fenics_contact.spatial import JointLaw, Load, Material, Scene, SolveOptions, builders
 from tests.motion.structures import way_down
+from tests.quick import slow
 from tests.spatial.bank import moved
 
 VAULT = partial(
@@ -45,7 +46,7 @@ def as_it_is():
     return way(np.eye(3), np.zeros(3))
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change", ["turned", *slow("mirrored")])
 def test_the_way_turns_with_the_structure(change):
     before = as_it_is()
     matrix = CHANGES[change]
