@@ -328,9 +328,9 @@ def _forces_of(structure: Structure, collapse: Any, scenery: Scenery) -> Array:
     count = len(collapse.force)
     vectors = np.einsum("pk,pki->pi", collapse.force, structure.axes[:count])
     first, second = (blocks[:count] for _, blocks, _ in structure.ends)
-    plastic = [bar.tie.stiffness is None for bar in structure.bars]
-    tension = collapse.tension[np.flatnonzero(plastic)]
-    return scenery.carried(structure.points.position, first, second, vectors, tension)
+    return scenery.carried(
+        structure.points.position, first, second, vectors, collapse.tension[: len(structure.bars)]
+    )
 
 
 def _direction(vectors: Array) -> Array:

@@ -10,6 +10,7 @@ what the dead load and ties take up and what friction uses: a check from geometr
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -40,6 +41,9 @@ EXACT = 1e-12
 OVERLAP = 0.2
 #: Units touch that are as near as this, in block sizes.
 TOUCH = 1e-5
+#: Moves of blocks at most until held ties have the tensions of a state, to this part of a force;
+#: gap of states with the tensions of free ties.
+SETTLED, EQUAL, STRICT = 8, 1e-6, 1e-5
 #: Ends of paths.
 SUPPORT_LOST, NO_STATE, NOTHING_LEFT = "support lost", "no state found", "nothing left"
 ASKED = "displacement"
@@ -135,6 +139,7 @@ class Stage:
         work: Of the live load in the step, J.
         step: m.
         change: Of the load factor in the step before, over the first load factor.
+        held: Whether ties with a stiffness are, see `Follower._settled`.
     """
 
     scenery: Scenery
@@ -144,6 +149,7 @@ class Stage:
     work: float
     step: float
     change: float = CHANGE
+    held: bool = False
 
     @property
     def force(self) -> Array:
@@ -238,14 +244,49 @@ class Follower:
             raise PathEnds(SUPPORT_LOST, tuple(self.bodies.moves.tolist()))
         return Scenery.of(self.bodies, units, poses, past)
 
-    def _stage(self, poses: Poses, step: float, before: Stage) -> Stage:
+    def _settled(self, poses: Poses, step: float, before: Stage) -> Stage:
+        """The state of a step from some poses, or from poses near these.
+
+        Where no state has the tensions of ties with a stiffness, as where two mechanisms share the
+        motion, these ties are held: they have tensions of a state, and blocks move until these are
+        those of their lengths. Then ties stay held as long as there are such poses.
+
+        Raises:
+            SolverError: If there is no such state.
+        """
+        if not self.bodies.ties.elastic.any():
+            return self._stage(poses, step, before)
+        if before.held:
+            with suppress(SolverError):
+                return self._held(poses, step, before)
+        with suppress(SolverError):
+            stage = self._stage(poses, step, before)
+            if abs(stage.state.gap) <= STRICT:
+                return stage
+        return self._held(poses, step, before)
+
+    def _held(self, poses: Poses, step: float, before: Stage) -> Stage:
+        """The state of a step with held ties, from poses near some ones."""
+        ties = self.bodies.ties
+        for _ in range(SETTLED):
+            stage = self._stage(poses, step, before, held=True)
+            pull = -stage.force[len(stage.scenery.units) :, 1]
+            off = np.abs(pull - ties.tension(poses, stage.past.longest)) * ties.elastic
+            moves = off > EQUAL * stage.scenery.model.force
+            if not moves.any():
+                return stage
+            lengths = np.where(moves, ties.length(pull, before.past.longest), np.nan)
+            poses, _ = self._moved(replace(stage, work=0.0), 0.0, lengths)
+        raise SolverError("ties do not settle")
+
+    def _stage(self, poses: Poses, step: float, before: Stage, held: bool = False) -> Stage:
         """The state of a step from some poses, from the forces of the stage before."""
         bodies = self.bodies
         units = bodies.sides.near(poses, REACH * step)
         if not len(units):
             raise PathEnds(SUPPORT_LOST, tuple(bodies.moves.tolist()))
         past = bodies.remembered(before.past, poses)
-        scenery = Scenery.of(bodies, units, poses, past)
+        scenery = Scenery.of(bodies, units, poses, past, held)
         gaps = np.zeros(scenery.model.shape[0])
         gaps[: len(units)] = units.at(poses)[2][:, 0]
         begin = before.force_in(scenery)
@@ -257,7 +298,7 @@ class Follower:
             speed = bodies.speed(state.mode).max()
             if speed * work < 2.0 * step:
                 break
-        return Stage(scenery, past, gaps, state, work, step)
+        return Stage(scenery, past, gaps, state, work, step, held=held)
 
     def _following(self, stage: Stage, scale: float, first: float) -> tuple[Stage, float, str]:
         """The next stage, the work of friction on the way, J, and what happened, in words.
@@ -280,7 +321,8 @@ class Follower:
                 poses, used = self._moved(here, least)
                 lost = lost and self._lost(poses)  # before the programs, which take longer
                 if not lost:
-                    found = self._stage(poses, self._next_step(stage, here, first), here)
+                    size = self._next_step(stage, here, first)
+                    found = self._settled(poses, size, here)
             except SolverError:
                 lost = () if poses is None else self._lost(poses)
             shortest = here.step < 1.01 * least
@@ -297,7 +339,16 @@ class Follower:
             elif shortest:
                 raise PathEnds(SUPPORT_LOST if lost else NO_STATE, lost)
             step = max(part * here.step, 0.0 if landings else least)
-            here = self._stage(here.scenery.poses, step, here)
+            here = self._shorter(here, step)
+
+    def _shorter(self, stage: Stage, step: float) -> Stage:
+        """The state of a shorter step from the same poses; a part of the step if none is found."""
+        part = replace(stage, step=step, work=step / stage.step * stage.work)
+        try:
+            found = self._stage(stage.scenery.poses, step, stage, stage.held)
+        except SolverError:
+            return part
+        return found if found.state.gap <= 10.0 * self.asked else part
 
     def _lost(self, poses: Poses) -> tuple[int, ...]:
         """Blocks that nothing holds in some poses, whatever the load factor; empty if all are."""
@@ -305,7 +356,7 @@ class Follower:
         units = bodies.sides.near(poses, TOUCH * bodies.size)
         if not len(units):
             return tuple(bodies.moves.tolist())
-        motion = fall(Scenery.of(bodies, units, poses, bodies.past).model)
+        motion = fall(Scenery.of(bodies, units, poses, bodies.past, held=True).model)
         if motion is None:
             return ()
         speed = np.linalg.norm(bodies.motions(motion)[:-1, :3], axis=1)
@@ -327,14 +378,16 @@ class Follower:
             bodies.work(scenery.poses),
             stage.state.gap,
             float(-stage.gaps.min(initial=0.0)),
-            bodies.stored(scenery.poses),
+            bodies.stored(scenery.poses, stage.past),
             friction,
             event,
             scenery.poses,
             scenery.units.at(scenery.poses)[0][pressed],
         )
 
-    def _moved(self, stage: Stage, least: float) -> tuple[Poses, float]:
+    def _moved(
+        self, stage: Stage, least: float, lengths: Array | None = None
+    ) -> tuple[Poses, float]:
         """Poses behind the step of a stage, and the work of friction in it, J.
 
         Raises:
@@ -351,20 +404,26 @@ class Follower:
         slip = np.linalg.norm(relative[:, 1:], axis=1)
         left = np.maximum(model.strength + model.friction * normal - shear, 0.0)
         sticks = active & (slip / stage.step < left / model.force)
-        used = float(shear[:count] @ slip[:count] - stage.force[count:, 1] @ relative[count:, 1])
+        pull = stage.force[count:, 1] * ~self.bodies.ties.elastic
+        used = float(shear[:count] @ slip[:count] - pull @ relative[count:, 1])
         bodies = self.bodies
         first = stage.scenery.poses.moved(bodies.motions(unknowns))
         for keep in (sticks, np.zeros_like(sticks)):  # hinges; else gaps alone
-            poses, missed = self._on_chain(stage, first, active[:count], keep[:count])
+            poses, missed = self._on_chain(stage, first, active[:count], keep[:count], lengths)
             away = np.abs(bodies.sides.placed(first) - bodies.sides.placed(poses)).max()
-            if missed < 1e-2 * stage.step and away < 0.5 * stage.step:
+            if missed < 1e-2 * stage.step and away < (0.5 if lengths is None else 8.0) * stage.step:
                 return poses, used
         if stage.step > 1.01 * least:
             raise SolverError("contacts contradict each other")
         return first, used
 
     def _on_chain(
-        self, stage: Stage, poses: Poses, active: Flags, sticks: Flags
+        self,
+        stage: Stage,
+        poses: Poses,
+        active: Flags,
+        sticks: Flags,
+        lengths: Array | None = None,
     ) -> tuple[Poses, float]:
         """Poses near some with gaps 0, places kept, the work of the step; what is missed, m.
 
@@ -381,13 +440,22 @@ class Follower:
         lowest = np.minimum(before[:, 0], 0.0) - 1e-10 * bodies.size
         goal = bodies.work(stage.scenery.poses) + self._sign * stage.work
         active = active.copy()
+        lengths = np.full(len(bodies.ties.drawn), np.nan) if lengths is None else lengths
+        ties = np.isfinite(lengths)
+        none = np.zeros_like(ties)
         missed = np.inf
         for tried in range(24):
             placed = units.at(poses)[2][:, :dimension]
             keep = np.column_stack([active, *[sticks] * (dimension - 1)])
             live = bodies.live_load(poses)
             size = float(np.linalg.norm(live))
-            off = np.append((placed - wanted)[keep], (bodies.work(poses) - goal) / size)
+            off = np.append(
+                (placed - wanted)[keep],
+                [
+                    *(bodies.ties.lines(poses)[2] - lengths)[ties],
+                    (bodies.work(poses) - goal) / size,
+                ],
+            )
             missed = float(np.abs(off).max(initial=0.0))
             if missed < EXACT * bodies.size or tried % 6 == 5:
                 overlap = (placed[:, 0] < lowest) & ~active
@@ -395,7 +463,8 @@ class Follower:
                     break
                 active |= overlap
                 continue
-            rows = bodies.relative_motion(units, poses)[: placed.size][keep.ravel()]
+            keep = np.vstack([keep, np.column_stack([none, ties, *[none] * (dimension - 2)])])
+            rows = bodies.relative_motion(units, poses)[keep.ravel()]
             matrix = vstack([rows, csr_matrix(live / size)])
             normal = matrix.T @ matrix + 1e-9 * identity(matrix.shape[1])
             change = -splu(normal.tocsc()).solve(matrix.T @ off)

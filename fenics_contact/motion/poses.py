@@ -117,19 +117,20 @@ class TurningTies:
     """Bars whose lines turn with their ends.
 
     Those with a stiffness have the tension prestress + k e, from 0 to the yield, e their present
-    elongation: they are loads. Those without stretch at their yield alone: they are units of the
-    programs, without force where they are shorter than they were.
+    elongation less what has yielded. Those without stretch at their yield alone, and have no force
+    where they are shorter than they were.
     """
 
     def __init__(self, bars: tuple[Bar, ...], start: Poses) -> None:
         self.block = np.array([bar.blocks for bar in bars], dtype=int).reshape(-1, 2)
         ends = np.array([bar.ends for bar in bars]).reshape(-1, 2, 3)
+        self._start = start
         self._arm = ends - start.centroid[self.block]
         self.drawn = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        self._stiffness = np.array([bar.tie.stiffness or 0.0 for bar in bars])
+        self.stiffness = np.array([bar.tie.stiffness or 0.0 for bar in bars])
         self._prestress = np.array([bar.tie.prestress for bar in bars])
         self.yields = np.array([bar.tie.yield_ for bar in bars])
-        self.plastic = np.flatnonzero(self._stiffness == 0.0)
+        self.elastic = self.stiffness > 0.0
 
     def lines(self, poses: Poses) -> tuple[Array, Array, Array]:
         """Places of both ends, m, shape (ties, 2, 3), unit vectors to the second, and lengths."""
@@ -138,27 +139,27 @@ class TurningTies:
         length = np.linalg.norm(line, axis=1)
         return ends, line / length[:, None], length
 
-    def load(self, poses: Poses) -> Array:
-        """Forces and moments of ties with a stiffness about centroids, shape (blocks + 1, 6)."""
-        ends, line, length = self.lines(poses)
-        tension = np.clip(self._elastic(length), 0.0, self.yields) * (self._stiffness > 0.0)
-        found = np.zeros((len(poses.centroid), 6))
-        for end, pull in ((0, tension[:, None] * line), (1, -tension[:, None] * line)):
-            block = self.block[:, end]
-            moment = np.cross(ends[:, end] - poses.centroid[block], pull)
-            np.add.at(found, block, np.hstack([pull, moment]))
-        return found
+    def tension(self, poses: Poses, longest: Array) -> Array:
+        """Of ties with a stiffness, N, by the largest lengths that they have had, m."""
+        force = self._free(self.lines(poses)[2]) - self._beyond(longest)
+        return np.where(self.elastic, np.clip(force, 0.0, self.yields), 0.0)
 
-    def stored(self, poses: Poses) -> float:
+    def length(self, tension: Array, longest: Array) -> Array:
+        """The reverse of `tension`, m."""
+        stiffness = np.where(self.elastic, self.stiffness, np.inf)
+        return self.drawn + (tension - self._prestress + self._beyond(longest)) / stiffness
+
+    def stored(self, poses: Poses, longest: Array) -> float:
         """Work into ties with a stiffness since the start, J: T^2 / 2 k, and what yields by Y."""
-        now, then = (self._elastic(length) for length in (self.lines(poses)[2], self.drawn))
-        work = [
-            0.5 * np.clip(force, 0.0, self.yields) ** 2
-            + self.yields * np.maximum(force - self.yields, 0.0)
-            for force in (now, then)
-        ]
-        springs = self._stiffness > 0.0
-        return float(((work[0] - work[1])[springs] / self._stiffness[springs]).sum())
+        stiffness = np.where(self.elastic, self.stiffness, np.inf)
+        now, then = (self.tension(*at) ** 2 for at in ((poses, longest), (self._start, self.drawn)))
+        yielded = self.yields * (self._beyond(longest) - self._beyond(self.drawn))
+        return float(((0.5 * (now - then) + yielded) / stiffness).sum())
 
-    def _elastic(self, length: Array) -> Array:
-        return np.asarray(self._prestress + self._stiffness * (length - self.drawn))
+    def _free(self, length: Array) -> Array:
+        """Tension by a length as if nothing yields."""
+        return np.asarray(self._prestress + self.stiffness * (length - self.drawn))
+
+    def _beyond(self, longest: Array) -> Array:
+        """What this is above the yield."""
+        return np.maximum(self._free(longest) - self.yields, 0.0)

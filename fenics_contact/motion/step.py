@@ -97,9 +97,8 @@ class MovingBlocks:
         return np.asarray(np.linalg.norm(motions[:, :3], axis=1) + turning)
 
     def dead_load(self, poses: Poses) -> Array:
-        """Generalised forces of dead load and ties."""
-        whole = self.dead.at(poses) + self.ties.load(poses)
-        return np.asarray(self.freedoms.T @ whole.ravel())
+        """Generalised forces."""
+        return np.asarray(self.freedoms.T @ self.dead.at(poses).ravel())
 
     def live_load(self, poses: Poses) -> Array:
         """Generalised forces of the live load, or of a unit force against driven ground."""
@@ -115,9 +114,9 @@ class MovingBlocks:
         velocity = self.driven[:, :3]
         return -float(np.vdot(shift, velocity) / np.vdot(velocity, velocity))
 
-    def stored(self, poses: Poses) -> float:
+    def stored(self, poses: Poses, past: Past) -> float:
         """Work against the dead load and into ties since the start, J."""
-        return self.ties.stored(poses) - self.dead.work(self.start, poses)
+        return self.ties.stored(poses, past.longest) - self.dead.work(self.start, poses)
 
     def remembered(self, past: Past, poses: Poses) -> Past:
         """What the way until some poses has left."""
@@ -134,7 +133,7 @@ class MovingBlocks:
         return [(block[:count], arm[:count]) for _, block, arm in self.structure.ends]
 
     def relative_motion(self, units: PointUnits, poses: Poses) -> Any:
-        """H: unknowns to the motions of points against planes, and then along ties without springs.
+        """H: unknowns to the motions of points against planes, and then along ties.
 
         Sparse, shape ((units + ties) d, unknowns).
         """
@@ -142,16 +141,15 @@ class MovingBlocks:
 
         place, axes, _ = units.at(poses)
         ends, line, _ = self.ties.lines(poses)
-        plastic = self.ties.plastic
-        along = np.zeros((len(plastic), 3, 3))
-        along[:, 1] = line[plastic]
+        along = np.zeros((len(line), 3, 3))
+        along[:, 1] = line
         every = np.concatenate([axes, along])[:, : self.structure.dimension]
         row = np.arange(every.shape[0] * every.shape[1]).reshape(*every.shape[:2], 1)
         shape = (row.size, self.freedoms.shape[0])
         found = csr_matrix(shape)
         for end, own, sign in ((0, units.plane, -1.0), (1, units.point, 1.0)):
-            block = np.append(own, self.ties.block[plastic, end])
-            arm = np.vstack([place, ends[plastic, end]]) - poses.centroid[block]
+            block = np.append(own, self.ties.block[:, end])
+            arm = np.vstack([place, ends[:, end]]) - poses.centroid[block]
             moves = sign * np.concatenate([every, np.cross(arm[:, None], every)], axis=2)
             column = 6 * (block % len(poses.centroid))[:, None, None] + np.arange(6)
             index = [np.broadcast_to(part, moves.shape).ravel() for part in (row, column)]
@@ -182,10 +180,11 @@ class Scenery:
 
     Attributes:
         poses: Of the blocks.
-        units: Points and planes; ties without stiffness are behind them in the model.
+        units: Points and planes; ties are behind them in the model.
         model: Of the engine.
         given: The part of forces that the model counts to the dead load, N: pressing forces are
-            more by the tensile strength, ties less by half of the yield, shape (units + ties, d).
+            more by the tensile strength, ties less by half of the yield, or with a stiffness by
+            their tension, shape (units + ties, d).
     """
 
     poses: Poses
@@ -194,19 +193,27 @@ class Scenery:
     given: Array
 
     @classmethod
-    def of(cls, bodies: MovingBlocks, units: PointUnits, poses: Poses, past: Past) -> Scenery:
-        """Units at some poses."""
+    def of(
+        cls,
+        bodies: MovingBlocks,
+        units: PointUnits,
+        poses: Poses,
+        past: Past,
+        held: bool = False,
+    ) -> Scenery:
+        """Units at some poses; where ties are held, any tension up to the yield is a state."""
         dimension = bodies.structure.dimension
-        plastic = bodies.ties.plastic
+        ties = bodies.ties
         count = len(units)
         motion = bodies.relative_motion(units, poses)
-        taut = bodies.ties.lines(poses)[2] >= past.longest - SLACK * bodies.size
-        half = 0.5 * np.where(taut, bodies.ties.yields, 0.0)[plastic]
+        taut = ties.lines(poses)[2] >= past.longest - SLACK * bodies.size
+        half = 0.5 * ties.yields * np.where(ties.elastic, held, taut)
+        pull = half + (0.0 if held else ties.tension(poses, past.longest))
         cohesion, tension = bodies.strengths(units, poses, past)
-        none = np.zeros(count + len(plastic))
+        none = np.zeros(count + len(half))
         given = np.zeros((len(none), dimension))
         given[:count, 0] = -tension
-        given[count:, 1] = -half
+        given[count:, 1] = -pull
         dead = bodies.dead_load(poses)
         model = FaceModel(
             motion=motion,
@@ -214,7 +221,7 @@ class Scenery:
             dead=dead + np.asarray(motion.T @ given.ravel()),
             live=bodies.live_load(poses),
             strength=np.append(np.maximum(cohesion - units.friction * tension, 0.0), half),
-            friction=np.append(units.friction, np.zeros(len(plastic))),
+            friction=np.append(units.friction, np.zeros(len(half))),
             dilatancy=none,
             compliance=np.tile([1.0] + [1.0 / SHEAR] * (dimension - 1), (len(none), 1)),
             kappa=none,
@@ -233,7 +240,7 @@ class Scenery:
             first: Blocks on which the reverse of the forces acts.
             second: Blocks on which they act.
             force: N, shape (points, 3).
-            tension: Of ties without stiffness, N.
+            tension: Of ties, N.
         """
         _, axes, _ = self.units.at(self.poses)
         point, unit = nearest(self.units, self.poses, place, first, second)
@@ -242,7 +249,9 @@ class Scenery:
         found = np.zeros(self.given.shape)
         np.add.at(found, unit, local[:, : found.shape[1]])
         found[len(self.units) :, 1] = -tension
-        return np.asarray(found - self.given)
+        found -= self.given
+        found[len(self.units) :][self.model.strength[len(self.units) :] == 0.0] = 0.0
+        return found
 
 
 def nearest(

@@ -59,6 +59,25 @@ def test_tie_without_stiffness_begins_at_the_limit():
 
 
 @pytest.mark.slow
+def test_tie_is_shorter_again_as_the_upper_storey_turns():
+    """Two mechanisms share the motion: the load factor of the upper storey sets the tension.
+
+    A wall of two storeys of 0.5 x 3 m, tied below its middle: the lower one leans on until the
+    upper one turns, and goes back as less is left; the end is that of the upper one alone.
+    """
+    tie = {"from": [0.0, 2.9], "ground": [-4.0, 2.9], "yield": 8e3, "stiffness": 1e6}
+    blocks = [box(0, 3.0 * k, 0.5, 3.0 * (k + 1)) for k in range(2)]
+    found = way_down(in_plane(blocks, friction=0.7, ties={"t": tie}))
+    assert found.agrees
+    assert found.zero == pytest.approx(3.0 * np.sin(np.arctan(0.5 / 3.0)), abs=1e-5)
+    assert found.fine.energy < 1e-3
+    factors = [point.load_factor for point in found.fine.points]
+    assert factors[0] == pytest.approx(0.5 / 6.0, abs=1e-7)
+    assert max(factors) == pytest.approx(1.0 / 6.0, rel=0.03)
+    assert max(point.gap for point in found.fine.points) < 1e-5
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness", "end"),
     [(0.12, 1.675), (0.15, 7.012), (0.2, 13.472)],
