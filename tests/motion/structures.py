@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,13 @@ import numpy as np
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.spatial import Scene
 from fenics_contact.spatial.limit import collapse_of
+from tests.spatial.bank import moved
 
 GRAVITY = 9.81
+#: Left for right, and by 30 degrees about z.
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+COSINE, SINE = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+TURN = np.array([[COSINE, -SINE, 0.0], [SINE, COSINE, 0.0], [0.0, 0.0, 1.0]])
 
 
 def box(left, low, right, high):
@@ -50,6 +56,18 @@ def way_down(scene, **options) -> Beyond:
     found = beyond(structure, collapse_of(structure), **options)
     assert found is not None
     return found
+
+
+def seen(scene, matrix):
+    """A scene that is turned or mirrored as a whole, with its loads."""
+
+    def load(one):
+        given = {key: getattr(one, key) for key in ("body", "direction")}
+        found = {k: (matrix[: len(v), : len(v)] @ v).tolist() for k, v in given.items() if v}
+        return replace(one, **{k: tuple(v) for k, v in found.items()})
+
+    blocks = tuple(moved(block, matrix, np.zeros(3)) for block in scene.blocks)
+    return replace(scene, blocks=blocks, dead=load(scene.dead), live=load(scene.live))
 
 
 def turned(point, block=0):

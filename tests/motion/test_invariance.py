@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fenics_contact.spatial import JointLaw, Load, Material, Scene, SolveOptions, builders
-from tests.motion.structures import way_down
+from tests.motion.structures import MIRROR, box, in_plane, seen, way_down
 from tests.quick import slow
 from tests.spatial.bank import moved
 
@@ -56,3 +56,11 @@ def test_the_way_turns_with_the_structure(change):
     first = before.at(0.0)
     for place in np.linspace(0.0, UNTIL, 9):
         assert after.at(place) == pytest.approx(before.at(place), abs=1e-7 * first)
+
+
+def test_the_way_is_mirrored_in_the_plane():
+    stack = in_plane([box(0, 0.5 * k, 0.8 - 0.1 * k, 0.5 * (k + 1)) for k in range(3)])
+    before, after = (way_down(one, until=0.1) for one in (stack, seen(stack, MIRROR)))
+    assert after.along[0] == -before.along[0]
+    for place in np.linspace(0.0, 0.1, 9):
+        assert after.at(place) == pytest.approx(before.at(place), abs=1e-6 * before.at(0.0))
