@@ -202,8 +202,10 @@ class Follower:
                 if not stage.step:
                     stage = self._stage(stage.scenery.poses, step, stage)
                 self.check_stop()
-                stage, work, event = self._following(stage, scale, step)
-                used += work
+                gone, stage, work, then = self._following(stage, scale, step)
+                if len(points) > 1 and gone.state.gap <= 10.0 * self.asked:
+                    points[-1] = self._point(gone, used, event)  # less closes in a shorter step
+                used, event = used + work, then
         except Stopped as stopped:
             return Trace(tuple(points), str(stopped), stopped=True)
         except PathEnds as end:
@@ -300,8 +302,10 @@ class Follower:
                 break
         return Stage(scenery, past, gaps, state, work, step, held=held)
 
-    def _following(self, stage: Stage, scale: float, first: float) -> tuple[Stage, float, str]:
-        """The next stage, the work of friction on the way, J, and what happened, in words.
+    def _following(
+        self, stage: Stage, scale: float, first: float
+    ) -> tuple[Stage, Stage, float, str]:
+        """The stage of the step, the next one, the work of friction, J, and what happened.
 
         A step is shorter where the load factor jumps, no state is behind it, or nothing is left.
 
@@ -327,12 +331,12 @@ class Follower:
                 lost = () if poses is None else self._lost(poses)
             shortest = here.step < 1.01 * least
             if found is not None and found.state.gap <= 10.0 * self.asked:
-                before, after = (one.state.load_factor for one in (stage, found))
+                before, after = (one.state.load_factor for one in (here, found))
                 change = abs(after - before) / scale
                 jumps = change > JUMP
                 nothing = self.bodies.driven is None and after < -NOTHING * scale
                 if shortest or not (jumps or (nothing and landings < LANDINGS)):
-                    return replace(found, change=change), used, "jump" * jumps
+                    return here, replace(found, change=change), used, "jump" * jumps
                 if not jumps:  # onto the place where nothing is left
                     part = before / (before - after)
                     landings += 1
