@@ -205,6 +205,8 @@ class Follower:
                 gone, stage, work, then = self._following(stage, scale, step)
                 if len(points) > 1 and gone.state.gap <= 10.0 * self.asked:
                     points[-1] = self._point(gone, used, event)  # less closes in a shorter step
+                    if why := self._ended(points, scale):
+                        return Trace(tuple(points), why)
                 used, event = used + work, then
         except Stopped as stopped:
             return Trace(tuple(points), str(stopped), stopped=True)
@@ -334,7 +336,7 @@ class Follower:
                 before, after = (one.state.load_factor for one in (here, found))
                 change = abs(after - before) / scale
                 jumps = change > JUMP
-                nothing = self.bodies.driven is None and after < -NOTHING * scale
+                nothing = self.bodies.driven is None and after < -NOTHING * scale and before > 0.0
                 if shortest or not (jumps or (nothing and landings < LANDINGS)):
                     return here, replace(found, change=change), used, "jump" * jumps
                 if not jumps:  # onto the place where nothing is left
