@@ -294,3 +294,29 @@ def answer(answers: int) -> None:
             signals.number = 0  # this task was asked to end, not the next one
             pickle.dump(found, file)
             file.flush()
+
+
+class Once(logging.Filter):
+    """Lets a warning pass once: all points of a sweep have those of their scene."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether it is no warning, or one that was not told before."""
+        text = record.getMessage()
+        again = record.levelno >= logging.WARNING and text in self._told
+        self._told.add(text)
+        return not again
+
+
+@contextmanager
+def told_once() -> Iterator[None]:
+    """Warnings are told once while it lasts."""
+    once = Once()
+    _log.addFilter(once)
+    try:
+        yield
+    finally:
+        _log.removeFilter(once)

@@ -27,7 +27,7 @@ from fenics_contact.errors import (
 )
 from fenics_contact.requirements import MissingError, missing_requirements
 from fenics_contact.version import __version__
-from fenics_contact.workers import InPlace, Processes
+from fenics_contact.workers import InPlace, Once, Processes
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -70,25 +70,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         log = logging.getLogger("fenics_contact")
         log.propagate = False
         handler = logging.StreamHandler(sys.stdout)
-        handler.addFilter(_Once())
+        handler.addFilter(Once())
         log.handlers[:] = [handler]
         level = logging.INFO if options.verbose else logging.WARNING
         log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
         return _run(options, comm)
-
-
-class _Once(logging.Filter):
-    """Lets a warning pass once in a run: all points of a sweep have those of their scene."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._told: set[str] = set()
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        text = record.getMessage()
-        again = record.levelno >= logging.WARNING and text in self._told
-        self._told.add(text)
-        return not again
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -316,5 +302,7 @@ def _parser() -> argparse.ArgumentParser:
     add = of_scene("mechanisms", what, "SCENE_mechanisms")
     text = "part, group or block that is repaired: glued to what it touches; * stands for anything"
     add("--exclude", action="append", default=[], metavar="NAME", help=text)
+    text = "directions of the whole in plan, degrees from x to y, or A,B,C (along the axes)"
+    add("--angles", default="", metavar="A:B:N", help=text)
     add("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     return parser

@@ -183,6 +183,7 @@ def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executo
     """Find the mechanisms of all parts of a scene of rigid blocks."""
     from fenics_contact.sweeps.mechanisms import Mechanism
     from fenics_contact.sweeps.mechanisms import mechanisms as mechanisms_of
+    from fenics_contact.sweeps.points import Parameter
 
     folder = _output_folder(options, comm, "_mechanisms")
     tables = read_toml(options.scene, comm, options.overrides)
@@ -190,12 +191,15 @@ def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executo
     require(is_of_blocks(tables), text)
     scene = _kind(tables).read(tables, options.scene.parent, comm)
 
+    angles = Parameter.of("--angles", options.angles).values if options.angles else ()
+
     def tell(row: Mechanism) -> None:
         if comm.rank == 0 and not options.quiet:
             print(f"{row.part} {row.way}: {row.end.load_factor:.4g}", flush=True)
 
     with Signals() as signals:
-        found = mechanisms_of(scene, options.exclude, stop=signals, beside=beside, tell=tell)
+        ways = {"angles": angles, "stop": signals, "beside": beside, "tell": tell}
+        found = mechanisms_of(scene, options.exclude, **ways)
         found.write(folder)
         number = _first(signals, comm)
     if comm.rank == 0 and not options.quiet:

@@ -599,7 +599,7 @@ def check_axes(axes: Any) -> None:
         check_like("axes", axes, "get_autoscalex_on", "axes of matplotlib, or None")
 
 
-def new_axes() -> Any:
+def new_axes(polar: bool = False) -> Any:
     """Axes of a figure of their own, which a notebook shows.
 
     Raises:
@@ -613,7 +613,8 @@ def new_axes() -> Any:
             shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
             if shell is not None:
                 shell.run_line_magic("matplotlib", "inline")
-        return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
+        pyplot.figure(figsize=(7.0, 4.5), layout="constrained")
+        return pyplot.subplot(polar=polar)
     except AttributeError as error:  # matplotlib-inline 0.2 asks old versions for what they lack
         cure = "in a notebook: pip install 'matplotlib-inline<0.2', and begin again"
         raise InputError(f"matplotlib cannot show a picture here ({error}); {cure}") from error

@@ -158,7 +158,7 @@ def require_fit(key: str, value: Any, kind: Any, scene: Collection[str]) -> None
     several = get_args(kind)
     in_plane = "plane" in scene
     if is_dataclass(value):
-        for item in fields(value):
+        for item in sorted(fields(value), key=lambda item: is_of(item, scene)):
             inner = f"{key}.{key_of(item.name)}"
             given = getattr(value, item.name)
             if is_of(item, scene) and given != item.default:

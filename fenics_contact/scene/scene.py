@@ -95,6 +95,7 @@ MOST_FRICTION = 1e12
 HIGHEST = 1e9
 LEVEL = within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m")
 ANGLE = rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees")
+TURN = within(-360.0, 360.0, "must lie in -360 ... 360 degrees")
 
 
 def function_name(function: Callable[..., Any] | None) -> str:
@@ -467,19 +468,20 @@ class Load(Checked):
             function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
         direction: In place of `body`, which is then 9.81 m/s2 this way.
+        angle: Direction of `body` in plan, degrees from x towards y, whatever that of `body` is; of
+            9.81 m/s2 where that is zero.
     """
 
     body: Vector = ruled(require_vector, (0.0, 0.0))
     traction: Mapping[str, Vector] = named(require_vector)
-    tilt: float | bool = ruled(
-        within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0, of="mesh"
-    )
+    tilt: float | bool = ruled(TURN, 0.0, of="mesh")
     force: Mapping[str, Force] = named()
     earth: Mapping[str, EarthPressure] = named(of="mesh")
     movement: Mapping[str, Movement] = named()
     profile: tuple[tuple[float, float], ...] | str = ruled(require_profile, "uniform")
     form: LoadForm | None = only("mesh")
     direction: Vector | None = ruled(DIRECTION, None)
+    angle: float | None = ruled(TURN, None, of="space")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -487,6 +489,12 @@ class Load(Checked):
             share = GRAVITY / math.hypot(*self.direction)
             object.__setattr__(self, "body", tuple(share * part for part in self.direction))
             object.__setattr__(self, "direction", None)
+        if self.angle is not None:
+            size = math.hypot(*self.body[:2])
+            text = "angle is that of a level body force in plan, and body is upright"
+            require(size > 0.0 or not any(self.body), text)
+            way = cmath.rect(size or GRAVITY, math.radians(self.angle))
+            object.__setattr__(self, "body", (way.real, way.imag, *(self.body[2:] or (0.0,))))
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("form", self.form)

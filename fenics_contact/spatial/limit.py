@@ -104,14 +104,18 @@ def solved(
     direction: str,
     check_stop: Callable[[], None] | None = None,
     tell: Callable[[str], None] = lambda text: None,
+    stands: bool = False,
 ) -> Collapse:
-    """A task: the collapse in one direction with all that the scene asks for."""
+    """A task: the collapse in one direction with all that the scene asks for.
+
+    Whether the dead load has a state is not asked where it is known that it `stands`.
+    """
     for name in ANSWERS:
         import_module(f"fenics_contact.{name}")
     check_stop = check_stop or _check(scene, asked_to_stop)
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
-    end, search = _searched(structure, sign, scene.solve.asked_gap, check_stop)
+    end, search = _searched(structure, sign, scene.solve.asked_gap, check_stop, stands)
     if search is None:
         return end
     parts: dict[str, Any] = {"structure": structure, "search": search, "check_stop": check_stop}
@@ -139,10 +143,14 @@ def collapse_of(
 
 
 def _searched(
-    structure: Structure, sign: float, asked: float, check_stop: Callable[[], None]
+    structure: Structure,
+    sign: float,
+    asked: float,
+    check_stop: Callable[[], None],
+    stands: bool = False,
 ) -> tuple[Collapse, FaceSearch | None]:
     """The collapse, and the search that led to it; None where the dead load has no state."""
-    rest = state_of(structure)
+    rest = Collapse() if stands else state_of(structure)
     if rest.status in ("unstable", "no_equilibrium"):
         return replace(rest, sign=sign), None
     model = structure.face_model(sign)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def draw_collapse(result: SpatialLimit, folder: Path, output: OutputOptions) -> 
     for name, view in views_of(result).items():
         if view.bodies.dimension == 3:
             with going_on(lost), drawing(f"collapse{view.suffix}"):
-                _save(view, picture_paths(folder / f"collapse{view.suffix}", output.formats))
+                save_view(view, picture_paths(folder / f"collapse{view.suffix}", output.formats))
             continue
         end = result.ends[name]
         flat = planar(view, known=end.force is not None, thickness=result.scene.thickness)
@@ -97,7 +97,7 @@ def draw_collapse(result: SpatialLimit, folder: Path, output: OutputOptions) -> 
     return lost + draw_figures(figures, folder, output.formats)
 
 
-def _save(view: BlockView, paths: Sequence[Path]) -> None:
+def save_view(view: BlockView, paths: Sequence[Path | BinaryIO]) -> None:
     """Draw the blocks from three sides into files."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
 import math
 import re
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fnmatch import filter as fnfilter
 from pathlib import Path
 from typing import Any
@@ -27,30 +28,28 @@ from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.parallel import MPI
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import tension_lines
-from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import GRAVITY
-from fenics_contact.spatial.limit import limit_load, standing
+from fenics_contact.spatial.limit import solved, standing
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.record import BlockLimitLoad
 from fenics_contact.spatial.scene import BlockScene
-from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.structure import ContactLaw
 from fenics_contact.spatial.view import views_of
 from fenics_contact.sweeps.parts import ABOVE, PushedPart, parts_of
+from fenics_contact.sweeps.points import in_words, moving, seismic_check
 from fenics_contact.version import __version__
 from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, result_of
 
+_log = logging.getLogger("fenics_contact")
+
 #: Mechanisms of the whole in one direction, each with those before it repaired.
 MOST = 2
-#: What moves by more than this part of the largest displacement is pushed, and repaired.
-MOVES = 0.05
 #: A mechanism of the whole is one of a part where it has so much of its blocks, and the reverse.
 SHARED = 0.4
 #: So many times the first load factor of the whole, a further mechanism is none that matters.
 FAR = 5.0
 #: Strength of repaired contacts: all of them together could carry so many times the dead load.
 REPAIR = 10.0
-#: A stone is at the eaves if its top is this near to that of the structure, in parts of its size.
-EAVES = 0.05
 #: The record, written last, and the columns of the table in mechanisms.csv.
 RECORD = "mechanisms.json"
 COLUMNS = (
@@ -61,31 +60,9 @@ COLUMNS = (
 OVER = "stopped: the time is over (solve.time)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Local(BlockScene):
-    """A scene of which some blocks alone are pushed, and some are repaired, by their numbers."""
-
-    pushed: tuple[int, ...] = ()
-    repaired: tuple[int, ...] = ()
-
-    def structure(self) -> Structure:
-        """See `BlockScene`; contacts of repaired blocks are stronger than any load."""
-        whole = super().structure()
-        number = np.arange(len(whole.blocks))
-        pushed = np.isin(number, self.pushed)
-        repaired = np.isin(number, self.repaired)
-        areas = [contact.area for contact in whole.contacts]
-        strength = REPAIR * np.abs(whole.dead[:, :3]).sum() / np.median(areas)
-        strong = ContactLaw(1.0, strength, tensile_strength=strength, key="repaired")
-        glued = [repaired[[one.first, one.second]].any() for one in whole.contacts]
-        laws = [strong if g else law for g, law in zip(glued, whole.laws, strict=True)]
-        live = np.where(pushed[:, None], whole.live, 0.0)
-        return replace(whole, laws=tuple(laws), live=live)
-
-
 def _moving(result: BlockLimitLoad) -> Flags:
     """Which blocks move; none without a limit."""
-    return np.asarray(views_of(result)["positive"].share > MOVES) & (result.status == "limit")
+    return moving(views_of(result)["positive"]) & (result.status == "limit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +73,15 @@ class Mechanism:
         part: What is pushed, with what moves with it.
         way: Where to, in words.
         result: The limit load, with its proof.
+        pushed: Which blocks are pushed, shape (blocks,).
+        repaired: Which ones are repaired.
     """
 
     part: str
     way: str
     result: BlockLimitLoad
+    pushed: Flags
+    repaired: Flags
 
     @property
     def end(self) -> Collapse:
@@ -110,25 +91,18 @@ class Mechanism:
     @property
     def check(self) -> Any:
         """The seismic check, a `SeismicCheck`; None if there is none."""
-        return getattr(self.end.answers.get("seismic"), "value", None)
+        return seismic_check(self.end)
 
     @property
     def moves(self) -> str:
         """What moves, and how, in words; without a limit why."""
-        moving = _moving(self.result)
-        if not moving.any():
-            return self.end.reason
-        view = views_of(self.result)["positive"]
-        told = mechanism_in_words(view)
-        if moving.sum() > 1:
-            return told
-        high, top = view.box_of(moving)[1, 2], view.box[1, 2]
-        place = "at the eaves" if high > top - EAVES * view.size else f"up to z = {high:.3g} m"
-        return f"one stone {place}, {view.bodies.names[int(np.argmax(moving))]}: {told}"
+        return (
+            in_words(views_of(self.result)["positive"]) if self.result.limits else self.end.reason
+        )
 
     def record(self) -> dict[str, Any]:
         """The row as files have it; numbers are None where there is no limit."""
-        end, check, scene = self.end, self.check, self.result.scene
+        end, check = self.end, self.check
         found = end.status == "limit"
         ties = tension_lines(self.result.ties_of(end), self.result.wording.units)
         return {
@@ -140,10 +114,10 @@ class Mechanism:
             "over_demand": check.acceleration / check.demand if check and check.demand else None,
             "moves": self.moves,
             "ties": "".join(line.text for line in ties),
-            "pushed_blocks": len(scene.pushed),
-            "repaired_blocks": len(scene.repaired),
+            "pushed_blocks": int(self.pushed.sum()),
+            "repaired_blocks": int(self.repaired.sum()),
             "gap": end.gap if found else None,
-            "direction": list(scene.live.acceleration),
+            "direction": list(self.result.scene.live.acceleration),
             "proof": end.proof,
             "residuals": end.residuals,
         }
@@ -209,6 +183,7 @@ def mechanisms(
     scene: BlockScene,
     exclude: Sequence[str] = (),
     *,
+    angles: Sequence[float] = (),
     stop: Callable[[], str] = asked_to_stop,
     beside: Executor | None = None,
     tell: Callable[[Mechanism], None] = lambda row: None,
@@ -219,6 +194,8 @@ def mechanisms(
         scene: Rigid blocks; of the live load the size of `body` counts, not its direction.
         exclude: Parts, groups or blocks that are repaired: glued to all that they touch; `*` stands
             for anything.
+        angles: Directions in plan in which the whole is pushed, degrees from x towards y; by
+            default along the axes.
         stop: Asked now and then who wants the search to end, in words; empty while nobody does.
         beside: Does whole tasks beside this process, see `fenics_contact.workers`.
         tell: Told of every row as it is found.
@@ -236,12 +213,18 @@ def mechanisms(
     )
     text += " and loads.dead.movement; a mass on the walls is [floors.NAME] with mass = true"
     require(not (live.traction or live.force or scene.dead.movement), text)
+    turned = [one for one in angles if isinstance(one, (int, float)) and math.isfinite(one)]
+    require(len(turned) == len(angles), f"angles = {list(angles)} must be numbers, degrees")
+    require(scene.dimension == 3 or not turned, "angles are in plan, of structures in space")
     rest = standing(scene)
     if rest.status != "equilibrium":
         raise NoEquilibriumError(f"the dead load has no equilibrium: {rest.reason()}")
-    whole, *parts = parts_of(views_of(rest)["positive"], _floors(scene))
+    for text in rest.warnings:
+        _log.warning("warning: %s", text)
+    whole, *parts = parts_of(views_of(rest)["positive"], _floors(scene), angles)
     repaired = np.isin(np.arange(len(whole.blocks)), _named(scene, parts, exclude))
-    search = _Search(scene, repaired, time.monotonic() + (scene.solve.time or math.inf))
+    deadline = time.monotonic() + (scene.solve.time or math.inf)
+    search = _Search(scene, repaired, deadline)
     executor = beside or InPlace()
     rows: list[Mechanism] = []
     stopped = ""
@@ -329,10 +312,17 @@ class _Search:
         """Why it is to end; empty while it may go on."""
         return OVER if time.monotonic() > self.deadline else asked_to_stop()
 
-    def solved(
+    def check_stop(self) -> None:
+        """Raise `Stopped` once it is to end."""
+        require(not self.over(), self.over(), Stopped)
+
+    def row(
         self, part: PushedPart, way: str, pushed: Flags, repaired: Flags, quick: bool
-    ) -> BlockLimitLoad:
+    ) -> Mechanism:
         """The limit load of a part with some blocks pushed, and some repaired.
+
+        The contacts of repaired blocks are stronger than any load: what stands without that does so
+        with it.
 
         Raises:
             Stopped: If the search is to end.
@@ -342,16 +332,25 @@ class _Search:
         body = size * part.ways[way][:: 4 - scene.dimension]
         options: dict[str, Any] = {"direction": "positive", "states": "first", "beyond": False}
         options |= {"time": None, "fast": True, "lowest": None, "peak": None, "quick": quick}
-        given = {item.name: getattr(scene, item.name) for item in fields(scene)}
-        given["live"] = replace(scene.live, body=tuple(body.tolist()))
-        given["solve"] = replace(scene.solve, **options)
-        given["title"] = f"{scene.title}: {part.name} {way}".removeprefix(": ")
-        given["output"] = replace(scene.output, capacity=0)
-        given["seismic"] = scene.seismic and replace(scene.seismic, nonlinear=False)
-        numbers = [tuple(np.flatnonzero(those).tolist()) for those in (pushed, repaired)]
-        result = limit_load(_Local(**given, pushed=numbers[0], repaired=numbers[1]), stop=self.over)
-        require(not result.stopped, result.stopped, Stopped)
-        return result
+        scene = replace(
+            scene,
+            live=replace(scene.live, body=tuple(body.tolist()), angle=None),
+            solve=replace(scene.solve, **options),
+            title=f"{scene.title}: {part.name} {way}".removeprefix(": "),
+            output=replace(scene.output, capacity=0),
+            seismic=scene.seismic and replace(scene.seismic, nonlinear=False),
+        )
+        whole = scene.structure()
+        areas = [contact.area for contact in whole.contacts]
+        strength = REPAIR * np.abs(whole.dead[:, :3]).sum() / np.median(areas)
+        strong = ContactLaw(1.0, strength, tensile_strength=strength, key="repaired")
+        glued = [repaired[[one.first, one.second]].any() for one in whole.contacts]
+        laws = tuple(strong if g else law for g, law in zip(glued, whole.laws, strict=True))
+        structure = replace(whole, laws=laws, live=np.where(pushed[:, None], whole.live, 0.0))
+        end = solved(structure, scene, "positive", self.check_stop, stands=True)
+        require(not end.stopped, end.stopped, Stopped)
+        result = BlockLimitLoad(scene, structure, {"positive": end})
+        return Mechanism(part.name, way, result, pushed, repaired)
 
     def of_whole(self, whole: PushedPart, way: str) -> list[Mechanism]:
         """Mechanisms under the weight of all blocks, each with those before it repaired."""
@@ -359,13 +358,13 @@ class _Search:
         repaired, quick = self.repaired, self.scene.solve.quick
         with suppress(Stopped):
             while len(rows) < MOST:
-                result = self.solved(whole, way, whole.blocks, repaired, quick)
-                moves = _moving(result)
+                row = self.row(whole, way, whole.blocks, repaired, quick)
+                moves = _moving(row.result)
                 if rows and not moves.any():
                     break
-                if rows and result.load_factor > FAR * rows[0].end.load_factor:
+                if rows and row.end.load_factor > FAR * rows[0].end.load_factor:
                     break
-                rows.append(Mechanism(f"whole{', next' * bool(rows)}", way, result))
+                rows.append(replace(row, part=f"{row.part}{', next' * bool(rows)}"))
                 repaired = repaired | moves
         return rows
 
@@ -382,14 +381,14 @@ class _Search:
         found = None
         with suppress(Stopped):
             if np.sum(moves & mine) < SHARED * max(np.sum(moves), np.sum(mine)):  # not of this part
-                found = self.solved(part, way, mine, self.repaired, True)
-                moves = _moving(found)
+                found = self.row(part, way, mine, self.repaired, True)
+                moves = _moving(found.result)
             both = moves & mine
             if not quick or found is None or np.any(moves & ~mine):
-                wider = self.solved(part, way, mine | moves, self.repaired, quick)
-                if 2 * np.sum(_moving(wider) & both) >= np.sum(both):
+                wider = self.row(part, way, mine | moves, self.repaired, quick)
+                if 2 * np.sum(_moving(wider.result) & both) >= np.sum(both):
                     found = wider
                 elif not quick or found is None:
-                    found = self.solved(part, way, mine, self.repaired, quick)
-            return [Mechanism(part.name, way, found)]
+                    found = self.row(part, way, mine, self.repaired, quick)
+            return [found]
         return []

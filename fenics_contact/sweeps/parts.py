@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -50,12 +50,20 @@ class _Wall(PushedPart):
     is_outer: bool
 
 
-def parts_of(view: BlockView, floors: Iterable[float]) -> list[PushedPart]:
-    """The whole, its walls, what is above floors at their heights, m, and corners."""
+def parts_of(
+    view: BlockView, floors: Iterable[float], angles: Sequence[float] = ()
+) -> list[PushedPart]:
+    """The whole, its walls, what is above floors at their heights, m, and corners.
+
+    The whole goes along the axes, or at angles in plan, degrees.
+    """
     moves = ~view.bodies.fixed
     axes = np.eye(3)[: view.bodies.dimension - 1]
     every = dict(_told("", way) for axis in axes for way in (axis, -axis))
-    parts = [PushedPart("whole", moves, every)]
+    turned = np.radians(np.array(angles, dtype=float))
+    level = np.column_stack([np.cos(turned), np.sin(turned), np.zeros(len(turned))])
+    ways = {f"{angle:g} degrees": to for angle, to in zip(angles, level, strict=True)}
+    parts = [PushedPart("whole", moves, ways or every)]
     named = walls_of(view)
     walls: list[_Wall] = []
     if len(axes) > 1:

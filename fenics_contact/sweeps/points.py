@@ -6,6 +6,7 @@ Many points are shared by processes.
 from __future__ import annotations
 
 import json
+import logging
 import math
 import pickle
 import re
@@ -17,6 +18,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -25,17 +27,25 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
-from fenics_contact.geometry.mesh import BlockMesh
+from fenics_contact.geometry.mesh import BlockMesh, Flags
 from fenics_contact.limit_load import limit_load, limit_load_of
+from fenics_contact.output.view import view_of_collapse
 from fenics_contact.parallel import MPI
+from fenics_contact.results.block_view import BlockView
+from fenics_contact.results.result import ByDirection, Collapse
+from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, is_of_blocks, read_toml, value_of
 from fenics_contact.workers import InPlace, Ranks, result_of
+
+_log = logging.getLogger("fenics_contact")
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
 DIGITS = 12
 #: Points of a sweep.
 MOST = 100_000
+#: Blocks move from this part of the largest displacement on.
+MOVES = 0.05
 _RANGE = re.compile(r"(.+):(.+):\s*(\d+)\s*")
 _HOW = "KEY=A:B:N, N values from A to B, or KEY=A,B,C"
 
@@ -239,6 +249,10 @@ class Point:
         factorizations: Numeric factorisations.
         seconds: Time, s.
         reason: Why there is no limit load, for people.
+        a0: Spectral acceleration at which the mechanism starts, m/s2, where `[seismic]` asks for
+            it; nan if not known.
+        a0_negative: With the live load reversed.
+        moves: The mechanism of the least load factor in words.
     """
 
     values: Values
@@ -254,6 +268,9 @@ class Point:
     factorizations: int = 0
     seconds: float = 0.0
     reason: str = ""
+    a0: float = math.nan
+    a0_negative: float = math.nan
+    moves: str = ""
 
     @property
     def solved(self) -> bool:
@@ -352,6 +369,8 @@ def solve_point(family: Family, structure: KeptStructure, values: Values) -> Poi
         low = end.bounds.lower
         high = end.bounds.upper
         ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
+        if check := seismic_check(end):
+            ends["a0"] = check.acceleration
         found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
     if getattr(result.collapse, "hinges", None) is not None:
         found["load_factor_point_hinges"] = float(result.collapse.hinges.points)
@@ -368,7 +387,44 @@ def solve_point(family: Family, structure: KeptStructure, values: Values) -> Poi
         factorizations=result.factorizations,
         seconds=time.perf_counter() - start,
         reason=" ".join(reason.split()),
+        moves=in_words(views_of(result)[worst_of(result)]) if result.limits else "",
     )
+
+
+def seismic_check(end: Collapse) -> Any:
+    """The seismic check of a collapse, a `SeismicCheck`; None if there is none."""
+    return getattr(end.answers.get("seismic"), "value", None)
+
+
+def worst_of(result: ByDirection) -> str:
+    """The direction of the least load factor."""
+    return min(result.limits, key=lambda name: abs(result.limits[name].load_factor))
+
+
+def views_of(result: Any) -> Mapping[str, BlockView]:
+    """What is seen of the collapses, by direction. Collective."""
+    if isinstance(result.scene, Scene):
+        ends = result.limits.items()
+        return {name: view_of_collapse(result.layout, end).blocks for name, end in ends}
+    from fenics_contact.spatial.view import views_of as views_of_blocks
+
+    return views_of_blocks(result)
+
+
+def moving(view: BlockView) -> Flags:
+    """Which blocks move in a mechanism."""
+    return np.asarray(view.share > MOVES)
+
+
+def in_words(view: BlockView) -> str:
+    """What moves, and how; a single stone by its name and height."""
+    told = mechanism_in_words(view)
+    those = moving(view)
+    if those.sum() != 1:
+        return told
+    high, top = view.box_of(those)[1, 2], view.box[1, 2]
+    place = "at the eaves" if np.isclose(high, top) else f"up to z = {high:.3g} m"
+    return f"one stone {place}, {view.bodies.names[int(np.argmax(those))]}: {told}"
 
 
 def solved_points(family: Family, points: Sequence[Values], beside: Executor) -> Iterator[Point]:
@@ -395,10 +451,13 @@ def solved_points(family: Family, points: Sequence[Values], beside: Executor) ->
                 wait(left, return_when=FIRST_COMPLETED)
             for done in [future for future in left if future.done()]:
                 del left[done]
-                yield result_of(done, lambda: None)
+                point, warnings = result_of(done, lambda: None)
+                for text in warnings:
+                    _log.warning("%s", text)
+                yield point
 
 
-def _mine(future: Future[Point], beside: Executor) -> bool:
+def _mine(future: Future[Any], beside: Executor) -> bool:
     """Whether nobody has begun a task and it is taken back; processes are left to themselves."""
     return isinstance(beside, Ranks) and not future.done() and future.cancel()
 
@@ -409,6 +468,11 @@ def _given(origin: bytes) -> tuple[Family, KeptStructure]:
     return Family(pickle.loads(origin), MPI.COMM_SELF), KeptStructure()
 
 
-def point_beside(origin: bytes, values: Values) -> Point:
-    """A task: a point of a sweep."""
-    return solve_point(*_given(origin), values)
+def point_beside(origin: bytes, values: Values) -> tuple[Point, list[str]]:
+    """A task: a point of a sweep, and warnings, which the process that asked for it tells once."""
+    kept = BufferingHandler(MOST)
+    before, _log.handlers[:] = list(_log.handlers), [kept]
+    try:
+        return solve_point(*_given(origin), values), [one.getMessage() for one in kept.buffer]
+    finally:
+        _log.handlers[:] = before

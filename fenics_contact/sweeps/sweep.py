@@ -16,7 +16,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, suppress
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from fenics_contact import console
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import EXIT_CODES, InputError, checked, plain
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.output.files import strict
 from fenics_contact.output.folder import drawing, going_on, replace_file, writing
 from fenics_contact.output.plotting import (
     BLUE,
@@ -36,9 +37,9 @@ from fenics_contact.output.plotting import (
     new_axes,
     save,
 )
-from fenics_contact.output.view import view_of_collapse
+from fenics_contact.output.view import planar, view_of_collapse
+from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import counted, equal
-from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.points import (
     WRONG_INPUT,
@@ -51,12 +52,16 @@ from fenics_contact.sweeps.points import (
     solve,
     solved_points,
     value_text,
+    views_of,
+    worst_of,
 )
 from fenics_contact.version import __version__
-from fenics_contact.workers import InPlace, Processes
+from fenics_contact.workers import InPlace, Processes, told_once
 
 TABLE, RECORD = "sweep.csv", "sweep.json"
 PICTURE, WORST = "sweep.png", "worst.png"
+#: The key of the live load's direction in plan, degrees.
+ANGLE = "loads.live.angle"
 #: Curves that one picture has room for; beyond them all points are drawn as one.
 CURVES = 7
 #: What the legend calls a curve that is alone.
@@ -203,45 +208,55 @@ def run_sweep(
     found = {key(point.values): point for point in comm.bcast(there)}
     todo = [values for values in points if key(values) not in found]
     tell(len(found), len(points), None)
-    for point in solved_points(family, todo, beside or InPlace()):
-        with writing(comm, folder):
-            if comm.rank == 0 and folder is not None:
-                rows.append(point)
-        found[key(point.values)] = point
-        tell(len(found), len(points), point)
+    with told_once():
+        for point in solved_points(family, todo, beside or InPlace()):
+            with writing(comm, folder):
+                if comm.rank == 0 and folder is not None:
+                    rows.append(point)
+            found[key(point.values)] = point
+            tell(len(found), len(points), point)
     done = Sweep(parameters, [found[key(values)] for values in points])
     if folder is None:
         return done
     with going_on([]), writing(comm, folder):
         if comm.rank == 0:
             rows.write(done)  # in the order of the values
+            rows.write_record(described(family, parameters), done)
             file = io.BytesIO()
             with drawing(PICTURE):
                 figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-                axes = draw_sweep(parameters, done, figure.subplots())
+                polar = any(ANGLE in parameter.keys for parameter in parameters)
+                axes = draw_sweep(parameters, done, figure.add_subplot(polar=polar))
                 axes.set_title(plain(str(family.tables.get("title", "")), TITLE), fontsize=11)
                 figure.savefig(file, dpi=150)
             replace_file(folder / PICTURE, file.getvalue())
-    worst = None if family.of_blocks else done.worst
+    worst = done.worst
     if worst is not None and any(key.startswith("loads.") for key in worst.values):
         with closing(KeptStructure()) as structure:
             result = solve(family.scene(worst.values), structure)
-        _save_worst(result, worst.values, folder)
+            if result.limits:
+                _save_worst(result, worst.values, folder, comm)
     return done
 
 
-def _save_worst(result: Result, values: Values, folder: Path) -> None:
-    """Draw the mechanism of a solved point into worst.png of a folder. Collective."""
-    end = result.collapse
-    if end is None or end.mode is None or end.joints is None or end.status != "limit":
-        return
-    view = view_of_collapse(result.layout, end)
+def _save_worst(result: Any, values: Values, folder: Path, comm: MPI.Comm) -> None:
+    """Draw the worst mechanism of a solved point into worst.png of a folder. Collective."""
+    name = worst_of(result)
+    end = result.limits[name]
     title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
-    with going_on([]), writing(result.scene.comm, folder):
-        if result.scene.comm.rank == 0:
+    view = view_of_collapse(result.layout, end) if isinstance(result.scene, Scene) else None
+    with going_on([]), writing(comm, folder):
+        if comm.rank == 0:
             file = io.BytesIO()
+            blocks = views_of(result)[name] if view is None else view.blocks
             with drawing(WORST):
-                save(view, title, [file], draw_mode, draw_forces)
+                if blocks.bodies.dimension == 3:
+                    from fenics_contact.spatial.picture import save_view
+
+                    save_view(replace(blocks, title="", caption=title), [file])
+                else:
+                    view = view or planar(blocks, known=True, thickness=result.scene.thickness)
+                    save(view, title, [file], draw_mode, draw_forces)
             replace_file(folder / WORST, file.getvalue())
 
 
@@ -279,6 +294,8 @@ class SweepTable:
                     f"'{described}' cannot be read: {error}; choose another folder (-o on the"
                     " command line), or remove that one"
                 ) from None
+        if isinstance(before, dict):
+            before.pop("rows", None)
         same = "mesh" in record and before == json.loads(json.dumps(record))
         if before is not None and not same:  # the mesh of a scene made in Python has no record
             raise InputError(
@@ -287,8 +304,14 @@ class SweepTable:
             )
         rows = self._rows() if before is not None else []
         self.write(rows)  # without a half-written line
-        replace_file(described, (json.dumps(record, indent=2) + "\n").encode())
+        self.write_record(record)
         return rows
+
+    def write_record(self, record: Mapping[str, Any], points: Iterable[Point] = ()) -> None:
+        """Replace sweep.json: what the folder is a sweep of, with rows once all are there."""
+        rows = [vars(point) | {"values": dict(point.values)} for point in points]
+        text = json.dumps(strict({**record, "rows": rows} if rows else record), indent=2)
+        replace_file(self.path.with_name(RECORD), f"{text}\n".encode())
 
     def append(self, point: Point) -> None:
         """Add a row; it is on the disk when this returns."""
@@ -392,7 +415,8 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
     """Draw the load factor over the parameter with most values, a curve for each of the others.
 
-    A ring is around the lowest one, where not all are equal.
+    Over angles in plan it is the radius, where axes are polar, as those of a new figure then are. A
+    ring is around the lowest one, where not all are equal.
 
     Args:
         parameters: What varies.
@@ -400,13 +424,21 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         axes: To draw into; by default those of a new figure.
     """
     check_axes(axes)
-    axes = new_axes() if axes is None else axes
+    turning = [k for k, one in enumerate(parameters) if ANGLE in one.keys]
+    axes = new_axes(polar=bool(turning)) if axes is None else axes
     sizes = [len(parameter.values) for parameter in parameters]
-    along = int(np.argmax(sizes))
+    along = turning[0] if turning else int(np.argmax(sizes))
     order = np.moveaxis(np.arange(len(points)).reshape(sizes), along, -1)
     curves = [[points[k] for k in row] for row in order.reshape(-1, sizes[along])]
     at, label, names = _places(parameters[along])
-    if len(curves) > CURVES:
+    polar = bool(turning) and axes.name == "polar"
+    if polar:
+        at = np.radians(at)
+        first, last = np.argmin(at), np.argmax(at)
+        if at[first] + 2.0 * np.pi - at[last] < 1.5 * np.diff(np.sort(at)).max(initial=0.0):
+            at = np.append(at, at[first] + 2.0 * np.pi)
+            curves = [[*curve, curve[first]] for curve in curves]
+    elif len(curves) > CURVES:
         curves = [list(points)]
         at = np.arange(float(len(points)))
         label = "point"
@@ -421,15 +453,20 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     if places and not equal([point.least for _, point in places]):
         x, worst = min(places, key=lambda place: place[1].least)
         factor = worst.least if worst.least == worst.load_factor else worst.load_factor_negative
+        if polar and factor < 0.0:
+            x, factor = x + np.pi, -factor
         where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
         text = plain(f"lowest: {factor:.5g} at {where}", TITLE)
         ring = {"ms": 11, "mfc": "none", "color": VERMILLION, "ls": "none"}
         axes.plot(x, factor, "o", label=text, **ring)
-    axes.set(xlabel=plain(label), ylabel="load factor")
+    axes.set(xlabel=plain(label), ylabel="" if polar else "load factor")
+    if polar:
+        axes.set_rmin(0.0)
     if names:
         axes.set_xticks(at, list(map(plain, names)))
     axes.grid(alpha=0.3)
-    axes.legend(loc="best", fontsize=8)
+    beside = {"loc": "upper left", "bbox_to_anchor": (1.1, 1.0)} if polar else {"loc": "best"}
+    axes.legend(fontsize=8, **beside)
     return axes
 
 
@@ -460,6 +497,7 @@ def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label
     points = [curve[k] for k in order]
     solved = np.array([point.solved for point in points])
     names = ("at least", "at most", "bracket") if label == ONE_CURVE else ("_",) * 3
+    polar = axes.name == "polar"
     for suffix in ("", "_negative"):
         columns = [f"{name}{suffix}" for name in ("load_factor", "lower", "upper")]
         values = np.array([[getattr(point, name) for point in points] for name in columns])
@@ -467,6 +505,8 @@ def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label
         factor[~solved] = np.nan
         if suffix and np.all(np.isnan(factor)):
             continue
+        if suffix and polar:
+            x, factor, lower, upper = x + np.pi, -factor, -upper, -lower
         axes.plot(x, factor, "o-", color=colour, markersize=4, label=label)
         known = ~np.isnan(lower + upper)
         if np.any(known):
@@ -478,13 +518,16 @@ def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label
         # named once
         label = "_"
         names = ("_",) * 3
+    x = at[order]
     axes.plot(x[~solved], np.zeros(np.count_nonzero(~solved)), "x", color=VERMILLION)
-    # Invisible, so that the axis has room for all values.
-    axes.plot(x, np.full(len(x), 0.5), " ", transform=axes.get_xaxis_transform())
+    if not polar:  # invisible, so that the axis has room for all values
+        axes.plot(x, np.full(len(x), 0.5), " ", transform=axes.get_xaxis_transform())
     for place, point in zip(x, points, strict=True):
         if point.status == "unbounded":
-            style = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
-            axes.annotate("unbounded", (place, 0.96), rotation=90, va="top", **style)
+            coordinates = "data" if polar else ("data", "axes fraction")
+            style = {"xycoords": coordinates, "ha": "center", "va": "top", "fontsize": 8}
+            top = axes.get_rmax() if polar else 0.96
+            axes.annotate("unbounded", (place, top), rotation=90, **style)
 
 
 def _said(values: Values) -> str:

@@ -396,6 +396,8 @@ def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
     columns = {"load_factor": "load factor"}
     if any(row.get("load_factor_negative") for row in sweep.rows):
         columns |= {"load_factor_negative": "live load reversed"}
+    more = {"a0": "a0*, m/s2", "a0_negative": "a0*, reversed, m/s2", "moves": "what moves"}
+    columns |= {key: told for key, told in more.items() if any(row.get(key) for row in sweep.rows)}
     rows = [
         [*(row[key] for key in sweep.keys), row["status"].replace("_", " ")]
         + [short(row, name) for name in columns]
