@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
-from math import sqrt
+from math import degrees, radians, sin, sqrt
 
 import pytest
 
@@ -96,6 +96,128 @@ def test_corner_of_straight_joints(tmp_path):
     (corner,) = (name for name in told if name.startswith("corner"))
     assert told[corner] == pytest.approx(sqrt(2.0) * 0.2, rel=5e-3)
     assert told["south part outwards -y"] == pytest.approx(0.2, rel=2e-3)
+
+
+def test_wall_held_at_its_top_bends_upright(tmp_path):
+    """Vertical bending: three stones turn out about the foot, the one with the tie's end back.
+
+    With stones of thickness t up to z = h and one above of height b, whose middle is held, the
+    virtual work is f h^2 / 2 = h t / 2 + b t + h t, of weights per height.
+    """
+    stones = "".join(
+        f"[blocks.wall_{k}]\nbox = [[0.0, 0.0, {0.5 * k}], [1.0, 0.2, {0.5 * k + 0.5}]]\n"
+        for k in range(4)
+    )
+    tie = "[ties.head]\nfrom = [0.5, 0.1, 1.75]\nground = [0.5, -4.0, 1.75]\nyield = 1.0e6\n"
+    scene = scene_of(tmp_path, f"dimension = 3\n{stones}{tie}{REST}")
+    found = fenics_contact.mechanisms(scene)
+    told = factors(found)
+    t, h, b = 0.2, 1.5, 0.5
+    assert told["whole +y"] == pytest.approx((1.5 * h + b) * t / (0.5 * h**2), rel=2e-3)
+    assert told["whole -y"] == pytest.approx(t / (h + b), rel=2e-3)  # the tie is slack
+    (row,) = (row for row in found.rows if row.way == "+y")
+    assert row.record()["ties"].startswith("head") and "elastic" in row.record()["ties"]
+
+
+@pytest.mark.parametrize("friction", [0.02, 0.2])
+def test_wall_held_at_both_ends_bends_level(tmp_path, friction):
+    """Horizontal bending: the halves turn about their held ends, and a tie along it yields.
+
+    Y e = f W (L / 4 - a), with the tie's arm e about the inner edge, ends held at a, weight W of a
+    half; the ground resists with its friction times W (L / 2 - a) at most.
+    """
+    length, t, h, a, yields = 4.0, 0.2, 0.5, 0.1, 2000.0
+    stones = "".join(
+        f"[blocks.wall_{k}]\nbox = [[{2.0 * k}, 0.0, 0.0], [{2.0 * k + 2.0}, {t}, {h}]]\n"
+        for k in range(2)
+    )
+    held = "".join(
+        f"[ties.end_{k}]\nfrom = [{x}, 0.1, 0.25]\nground = [{x}, -4.0, 0.25]\nyield = 1.0e6\n"
+        for k, x in enumerate((a, length - a))
+    )
+    along = f"[ties.along]\nfrom = [0.5, 0.19, 0.25]\nto = [3.5, 0.19, 0.25]\nyield = {yields}\n"
+    ground = f"[foundations.ground]\nfriction = {friction}\n"
+    scene = scene_of(tmp_path, f"dimension = 3\n{stones}{held}{along}{ground}{REST}")
+    found = fenics_contact.mechanisms(scene)
+    factor = factors(found)["whole +y"]
+    weight = 2000.0 * 9.81 * 0.5 * length * t * h
+    by_hand = yields * 0.19 / (weight * (0.25 * length - a))
+    adds = friction * (0.5 * length - a) / (0.25 * length - a)
+    assert by_hand < factor < by_hand + adds
+    (row,) = (row for row in found.rows if row.way == "+y")
+    assert "tie along yields" in row.moves
+
+
+#: A free stone, 1 m x 0.2 m, 1 m high.
+STONE = "[blocks.stone]\nbox = [[0.0, 0.0, 0.0], [1.0, 0.2, 1.0]]\n"
+
+
+def by_hand(angle):
+    """Load factor of the free stone in a direction: it turns about its long edge, or slides."""
+    return min(0.6, 0.2 / max(abs(sin(radians(angle))), 1e-9))
+
+
+def test_whole_goes_at_angles(tmp_path):
+    scene = scene_of(tmp_path, f"dimension = 3\n{STONE}{REST}")
+    found = fenics_contact.mechanisms(scene, angles=[0, 30, 45.5, 90])
+    told = factors(found)
+    assert set(told) == {f"whole {a} degrees" for a in ("0", "30", "45.5", "90")}
+    for name, factor in told.items():
+        assert factor == pytest.approx(by_hand(float(name.split()[1])), rel=2e-3)
+
+
+def test_sweep_of_directions(tmp_path, monkeypatch, capsys):
+    """Angle, load factor, a0* and mechanism in every row; one warning; worst.png."""
+    text = f"dimension = 3\n{STONE}{REST}".replace("density", "young = 5.0\ndensity")
+    (tmp_path / "stone.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    line = ["sweep", "stone.toml", "--vary", "loads.live.angle=0:330:12"]
+    run = run_here(line, capsys)
+    assert run.code == 0, run
+    assert run.out.count("is very soft") == 1 and not run.err
+    folder = tmp_path / "stone_sweep"
+    record = json.loads((folder / "sweep.json").read_text())
+    with (folder / "sweep.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(record["rows"]) == 12
+    for row, one in zip(table, record["rows"], strict=True):
+        angle = float(row["loads.live.angle"])
+        assert float(row["load_factor"]) == pytest.approx(by_hand(angle), rel=2e-3)
+        assert float(row["a0"]) == pytest.approx(9.81 * by_hand(angle), rel=5e-3)
+        assert ("slides" if by_hand(angle) == 0.6 else "turns about its foot") in row["moves"]
+        assert (one["a0"], one["moves"]) == (float(row["a0"]), row["moves"])
+    assert {"sweep.png", "worst.png"} <= {path.name for path in folder.iterdir()}
+    assert "12 of 12 points are there already" in run_here(line, capsys).out
+    assert run_here(["report", "stone_sweep"], capsys).code == 0
+    page = (folder / "report.html").read_text()
+    assert "a0*, m/s2" in page and "turns about its foot" in page and page.count("<img") == 2
+
+
+def test_sweep_of_directions_is_polar(tmp_path):
+    (tmp_path / "stone.toml").write_text(f"dimension = 3\n{STONE}{REST}")
+    vary = {"loads.live.angle": [0.0, 90.0, 180.0, 270.0], "solve.direction": ["both"]}
+    found = fenics_contact.sweep(tmp_path / "stone.toml", vary)
+    axes = found.plot()
+    assert axes.name == "polar"
+    curves = [line.get_xydata() for line in axes.get_lines() if len(line.get_xdata()) > 1]
+    for curve in curves[:2]:  # the reverse of a direction is its opposite
+        for angle, radius in curve:
+            assert radius == pytest.approx(by_hand(degrees(angle)), rel=2e-3)
+    assert axes.get_rmin() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ("loads.live.angle=400", "must lie in -360 ... 360 degrees"),
+        ("loads.dead.angle=30", "loads.dead.angle is that of a level body force"),
+    ],
+)
+def test_angle_is_refused(tmp_path, monkeypatch, capsys, more, says):
+    (tmp_path / "stone.toml").write_text(f"dimension = 3\n{STONE}{REST}")
+    monkeypatch.chdir(tmp_path)
+    run = run_here(["check", "stone.toml", "--set", more], capsys)
+    assert run.code == 2 and says in run.err, run
 
 
 def test_facade_takes_the_stones_of_side_walls_with_it(tmp_path):
