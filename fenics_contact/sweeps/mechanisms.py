@@ -26,6 +26,7 @@ from fenics_contact.errors import NoEquilibriumError, Stopped, checked, require
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.parallel import MPI
+from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import tension_lines
 from fenics_contact.scene.scene import GRAVITY
@@ -44,12 +45,8 @@ _log = logging.getLogger("fenics_contact")
 
 #: Mechanisms of the whole in one direction, each with those before it repaired.
 MOST = 2
-#: A mechanism of the whole is one of a part where it has so much of its blocks, and the reverse.
-SHARED = 0.4
-#: So many times the first load factor of the whole, a further mechanism is none that matters.
-FAR = 5.0
 #: Strength of repaired contacts: all of them together could carry so many times the dead load.
-REPAIR = 10.0
+REPAIR, REPAIRED = 10.0, "repaired"
 #: The record, written last, and the columns of the table in mechanisms.csv.
 RECORD = "mechanisms.json"
 COLUMNS = (
@@ -248,13 +245,8 @@ def mechanisms(
             rows.extend(found)
 
     run(search.of_whole, [(whole, way) for way in whole.ways])
-    first = {row.way: _moving(row.result) for row in reversed(rows)}
-    unknown = np.zeros(len(repaired), dtype=bool)
     left = [part for part in parts if np.any(part.blocks & ~repaired)]
-    run(
-        search.of_part,
-        [(part, way, first.get(way.split()[-1], unknown)) for part in left for way in part.ways],
-    )
+    run(search.of_part, [(part, way) for part in left for way in part.ways])
 
     def rank(row: Mechanism) -> tuple[bool, float]:
         """The worst first, what has no limit last."""
@@ -343,7 +335,7 @@ class _Search:
         whole = scene.structure()
         areas = [contact.area for contact in whole.contacts]
         strength = REPAIR * np.abs(whole.dead[:, :3]).sum() / np.median(areas)
-        strong = ContactLaw(1.0, strength, tensile_strength=strength, key="repaired")
+        strong = ContactLaw(1.0, strength, tensile_strength=strength, key=REPAIRED)
         glued = [repaired[[one.first, one.second]].any() for one in whole.contacts]
         laws = tuple(strong if g else law for g, law in zip(glued, whole.laws, strict=True))
         structure = replace(whole, laws=laws, live=np.where(pushed[:, None], whole.live, 0.0))
@@ -353,42 +345,34 @@ class _Search:
         return Mechanism(part.name, way, result, pushed, repaired)
 
     def of_whole(self, whole: PushedPart, way: str) -> list[Mechanism]:
-        """Mechanisms under the weight of all blocks, each with those before it repaired."""
+        """Mechanisms under the weight of all blocks, each with those before it repaired.
+
+        One that breaks what is repaired says how strong that was taken, and is none.
+        """
         rows: list[Mechanism] = []
         repaired, quick = self.repaired, self.scene.solve.quick
         with suppress(Stopped):
             while len(rows) < MOST:
                 row = self.row(whole, way, whole.blocks, repaired, quick)
                 moves = _moving(row.result)
-                if rows and not moves.any():
-                    break
-                if rows and row.end.load_factor > FAR * rows[0].end.load_factor:
+                parts = views_of(row.result)["positive"].contacts.state != ContactState.STICK
+                glued = np.array([law.key == REPAIRED for law in row.result.structure.laws])
+                if rows and (not moves.any() or np.any(parts & glued)):
                     break
                 rows.append(replace(row, part=f"{row.part}{', next' * bool(rows)}"))
                 repaired = repaired | moves
         return rows
 
-    def of_part(self, part: PushedPart, way: str, moves: Flags) -> list[Mechanism]:
-        """The mechanism of a part that is pushed with what moves with it.
-
-        Args:
-            part: Which one.
-            way: Where to.
-            moves: Blocks of the first mechanism of the whole in this direction.
-        """
+    def of_part(self, part: PushedPart, way: str) -> list[Mechanism]:
+        """The mechanism of a part that is pushed with what moves with it."""
         quick = self.scene.solve.quick
         mine = part.blocks
-        found = None
         with suppress(Stopped):
-            if np.sum(moves & mine) < SHARED * max(np.sum(moves), np.sum(mine)):  # not of this part
-                found = self.row(part, way, mine, self.repaired, True)
-                moves = _moving(found.result)
-            both = moves & mine
-            if not quick or found is None or np.any(moves & ~mine):
+            found = self.row(part, way, mine, self.repaired, True)
+            moves = _moving(found.result)
+            if not quick or np.any(moves & ~mine):
                 wider = self.row(part, way, mine | moves, self.repaired, quick)
-                if 2 * np.sum(_moving(wider.result) & both) >= np.sum(both):
-                    found = wider
-                elif not quick or found is None:
-                    found = self.row(part, way, mine, self.repaired, quick)
-            return [found]
+                if np.any(_moving(wider.result) & moves & mine):
+                    return [wider]
+            return [found if quick else self.row(part, way, mine, self.repaired, quick)]
         return []

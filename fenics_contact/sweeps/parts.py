@@ -14,8 +14,6 @@ from fenics_contact.results.words import walls_of
 
 #: A wall is so many times as long as it is thick.
 SLENDER = 1.5
-#: A corner reaches so far along the shorter one of its walls, in parts of that.
-CORNER = 0.3
 #: What is above a floor begins so far above it, m.
 ABOVE = 1e-3
 
@@ -40,12 +38,10 @@ class _Wall(PushedPart):
     """A straight, upright wall.
 
     Attributes:
-        length: m.
         normal: Out of the structure, or across an inner wall.
         is_outer: Whether the structure is on one side of it.
     """
 
-    length: float
     normal: Array
     is_outer: bool
 
@@ -108,18 +104,16 @@ def _straight(view: BlockView, name: str, mine: Flags) -> Iterator[_Wall]:
     is_outer = abs(aside) > thickness
     words = ("outwards", "inwards") if is_outer else ("across", "across")
     ways = zip((*words, "along", "along"), (normal, -normal, along, -along), strict=True)
-    yield _Wall(name, mine, dict(_told(*way) for way in ways), length, normal, is_outer)
+    yield _Wall(name, mine, dict(_told(*way) for way in ways), normal, is_outer)
 
 
 def _corner(view: BlockView, one: _Wall, two: _Wall) -> Iterator[PushedPart]:
-    """The corner of two outer walls that meet at an angle, outwards."""
+    """Stones by which two outer walls touch at an angle, outwards."""
     pairs = view.touching.pairs
     meets = (one.blocks[pairs].any(axis=1)) & (two.blocks[pairs].any(axis=1))
     if not (meets.any() and one.is_outer and two.is_outer) or abs(one.normal @ two.normal) > 0.5:
         return
-    corners = np.vstack([c for c, m in zip(view.touching.corners, meets, strict=True) if m])
-    away = np.linalg.norm((view.bodies.centroid - corners.mean(axis=0))[:, :2], axis=1)
-    near = away < CORNER * min(one.length, two.length)
+    near = np.isin(np.arange(len(one.blocks)), pairs[meets])
     out = (one.normal + two.normal) / np.linalg.norm(one.normal + two.normal)
     name = f"corner of {one.name} and {two.name}"
     yield PushedPart(name, (one.blocks | two.blocks) & near, {"outwards": out})

@@ -31,7 +31,7 @@ from fenics_contact.geometry.mesh import BlockMesh, Flags
 from fenics_contact.limit_load import limit_load, limit_load_of
 from fenics_contact.output.view import view_of_collapse
 from fenics_contact.parallel import MPI
-from fenics_contact.results.block_view import BlockView
+from fenics_contact.results.block_view import AS_ONE, BlockView
 from fenics_contact.results.result import ByDirection, Collapse
 from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import Scene, function_name
@@ -44,8 +44,6 @@ _log = logging.getLogger("fenics_contact")
 DIGITS = 12
 #: Points of a sweep.
 MOST = 100_000
-#: Blocks move from this part of the largest displacement on.
-MOVES = 0.05
 _RANGE = re.compile(r"(.+):(.+):\s*(\d+)\s*")
 _HOW = "KEY=A:B:N, N values from A to B, or KEY=A,B,C"
 
@@ -413,7 +411,7 @@ def views_of(result: Any) -> Mapping[str, BlockView]:
 
 def moving(view: BlockView) -> Flags:
     """Which blocks move in a mechanism."""
-    return np.asarray(view.share > MOVES)
+    return np.asarray(view.share > AS_ONE)
 
 
 def in_words(view: BlockView) -> str:
