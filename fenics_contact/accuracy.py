@@ -80,8 +80,6 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
             result = replace(result, **costs)
             break
         result = _with_pass(replace(new, passes=result.passes, **costs))
-    if result.scene.comm.rank == 0:
-        _log.warning("warning: the accuracy wished is not reached: %s", why)
     return replace(result, inaccurate=why)
 
 

@@ -15,7 +15,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.results.bounds import LimitBounds, counted
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.result import NOT_KNOWN, Answer, ByDirection, Collapse, skipped
+from fenics_contact.results.result import NOT_KNOWN, Answer, ByDirection, Collapse
 from fenics_contact.results.values import soil_forces
 from fenics_contact.results.wording import DEAD, Line, Wording, state_in_words
 from fenics_contact.scene.scene import Shared
@@ -268,7 +268,7 @@ def _bracket(end: Collapse, words: Wording, alone: bool) -> Iterator[Line]:
 
 
 def _details(result: ByDirection, words: Wording) -> list[str]:
-    """Brackets, residuals, what is not known and why, what was skipped, work and time."""
+    """Brackets, residuals, what is not known and why, work and time."""
     lines = []
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
@@ -327,7 +327,7 @@ def _end_lines(name: str, end: Collapse, reason: str, words: Wording) -> list[st
 def description(layout: Layout, verbose: bool = False) -> str:
     """Blocks, joints, supports and loads of a scene with a mesh, in lines.
 
-    With unknowns, joint points and what will be skipped, if that is wished.
+    With unknowns and joint points, if that is wished.
     """
     scene = layout.scene
     units = scene.units
@@ -362,8 +362,7 @@ def description(layout: Layout, verbose: bool = False) -> str:
         more.append(f"support {name}: {kind}, length {units.length(length)}")
     loads = {"dead": bodies.dead, "live": bodies.live}
     resultants = {name: force[:, :2].sum(axis=0) for name, force in loads.items()}
-    lines = scene_lines(scene, units, [blocks], touching, lies, more, resultants)
-    return "\n".join([*lines, *(f"skipped: {item}" for item in skipped(scene) if verbose)])
+    return "\n".join(scene_lines(scene, units, [blocks], touching, lies, more, resultants))
 
 
 def law_contacts(layout: Layout) -> list[dict[str, Any]]:

@@ -204,7 +204,8 @@ def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executo
         number = _first(signals, comm)
     if comm.rank == 0 and not options.quiet:
         lines = ["", repr(found), *([found.stopped] * bool(found.stopped)), f"written to {folder}"]
-        print("\n".join([*lines, _next("report", folder)]), flush=True)
+        lines += [_next("report", folder)] * any(row.result.limits for row in found.rows)
+        print("\n".join(lines), flush=True)
     code = max((EXIT_CODES[row.end.status] for row in found.rows), default=0)
     return BY_SIGNAL + number if number else code
 

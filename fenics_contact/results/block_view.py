@@ -311,13 +311,6 @@ class BlockView:
         """What the contacts carry and do."""
         return ContactValues(self)
 
-    @cached_property
-    def utilisation(self) -> Array:
-        """Largest part of its friction that a contact of every block takes up, shape (blocks,)."""
-        used = np.zeros(len(self.motion) + 1)  # the last one: ground
-        np.maximum.at(used, self.touching.pairs, self.contacts.utilisation[:, None])
-        return used[:-1]
-
 
 class ContactValues:
     """What contacts carry and do; all of shape (contacts,).

@@ -674,12 +674,11 @@ class Result(ByDirection):
 
     @property
     def details(self) -> list[str]:
-        """What is not known of the model, the curve, the way to the accuracy, what was skipped."""
+        """What is not known of the model, the curve, the way to the accuracy."""
         return [
             *([WITHOUT_PATH] if any(end.proof for end in self.ends.values()) else []),
             *super().details,
             *self._accuracy[:-1],
-            *(f"skipped: {item}" for item in self.skipped),
         ]
 
     @property

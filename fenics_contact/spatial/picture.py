@@ -31,7 +31,7 @@ from fenics_contact.output.plotting import (
     shades,
 )
 from fenics_contact.output.view import planar
-from fenics_contact.results.block_view import BlockView
+from fenics_contact.results.block_view import BlockView, ContactState
 from fenics_contact.results.values import TieState
 from fenics_contact.scene.scene import ALL, OutputOptions
 from fenics_contact.spatial.result import SpatialLimit
@@ -272,14 +272,20 @@ def _in_circles(hides: Flags) -> Flags:
 
 
 def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
-    """Edges of contacts on the sides that are seen, displaced, with their colours, by side."""
+    """Edges of contacts on the sides that are seen, displaced, with their colours, by side.
+
+    Of two blocks that slide on each other, one has them: two lines would be seen as two contacts.
+    """
     bodies = view.bodies
     seen = bodies.normal @ turn[2] > MARKED
     marks: dict[int, list[tuple[Array, str]]] = defaultdict(list)
     at = view.touching
     states = view.contacts.state.tolist()
     for pair, corners, state in zip(at.pairs.tolist(), at.corners, states, strict=True):
+        once: set[int] = set()
         for block in pair if state not in QUIET else ():
+            if once and state == ContactState.SLIP:
+                break
             flat = (corners + view.displacements(corners, block)) @ turn[:2].T
             for side in np.flatnonzero(seen & (bodies.side_block == block)):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]
@@ -287,4 +293,5 @@ def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
                 for edge in np.flatnonzero(on & np.roll(on, -1)):
                     line = flat[[edge, (edge + 1) % len(flat)]]
                     marks[side].append((line, MARKS[state][0]))
+                    once.add(block)
     return marks

@@ -242,10 +242,12 @@ brick = [1.0, 0.5]
     moves = {0: [(0.6, 0.15)], 1: [(0.42, 0.15), (0.72, 0.6)], 2: [(0.6, 0.15), (0.54, 0.75)]}
     holds = sum(volume * y for course in moves.values() for volume, y in course)
     turns = sum(volume * (0.25 + 0.5 * k) for k, course in moves.items() for volume, _ in course)
-    for name in ("whole -y", "facade across -y"):
-        factor = told[name].end.load_factor
-        assert told[name].end.certificate.passed
-        assert factor == pytest.approx(holds / turns, rel=2e-3) and factor > 0.3 / 1.5
+    factor = told["whole -y"].end.load_factor
+    assert told["whole -y"].end.certificate.passed
+    assert factor == pytest.approx(holds / turns, rel=2e-3)
+    alone = told["facade across -y"]
+    assert alone.end.certificate.passed
+    assert 0.3 / 1.5 < alone.end.load_factor < factor  # stones that are not pushed hold it less
 
 
 def test_blocks_in_the_plane(tmp_path):

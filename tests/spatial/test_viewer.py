@@ -107,9 +107,11 @@ def test_keys_and_mouse_turn_the_blocks(page):
 
 
 def test_colours_and_names(page):
-    click(page, "#colour option[value='use']")
-    image = picture(page)
-    assert np.any(image[..., 0] - image[..., 2] > 0.3)  # the foot uses friction: orange
+    click(page, "#colour option[value='share']")
+    assert len(blue(page)[0])
+    click(page, "#marks")
+    click(page, "#colour option[value='group']")
+    assert not len(blue(page)[0])
     click(page, "[data-turn='-90 0']")
     canvas = page.find_element("id", "canvas")
     canvas.click()

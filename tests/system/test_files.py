@@ -379,8 +379,8 @@ def test_quiet_output_next_to_the_scene_or_where_it_is_told(
 
 def test_verbose_prints_more(solved, on_two_ranks):
     found = on_two_ranks.run
-    assert (found.code, found.out.count("skipped: dead tractions")) == (0, 1)
-    assert "skipped" not in solved.run.out
+    assert found.code == 0
+    assert "skipped" not in solved.run.out + found.out
     assert len(found.out.splitlines()) > len(solved.run.out.splitlines())
 
 
@@ -403,12 +403,10 @@ def test_check_says_what_is_in_a_scene(tmp_path, capsys):
         ("support right: roller", "length 0.4 m"),
         (f"dead load: resultant (0, -{WEIGHT:.6g}) N",),
         (f"live load: resultant ({WEIGHT + 500.0 * 0.4:.6g}, 0) N",),
-        ("skipped: dead tractions",),
-        ("skipped: capacity curve",),
     ):
         (line,) = [line for line in lines if line.startswith(start)]
         assert all(part in line for part in rest)
-    assert "skipped: live tractions" not in found.out
+    assert "skipped" not in found.out
 
 
 def test_check_in_units_of_engineers(tmp_path, capsys):

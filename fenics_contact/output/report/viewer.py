@@ -84,7 +84,6 @@ def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
                 "caption": one.caption,
                 "motion": rounded(one.motion, digits + 1),
                 "share": rounded(one.share, 3),
-                "use": rounded(one.utilisation, 3),
                 "marked": one.marked,
                 "unit": one.way_unit,
                 "way": [
