@@ -198,8 +198,9 @@ def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executo
             print(f"{row.part} {row.way}: {row.end.load_factor:.4g}", flush=True)
 
     with Signals() as signals:
-        ways = {"angles": angles, "stop": signals, "beside": beside, "tell": tell}
-        found = mechanisms_of(scene, options.exclude, **ways)
+        found = mechanisms_of(
+            scene, options.exclude, angles=angles, stop=signals, beside=beside, tell=tell
+        )
         found.write(folder)
         number = _first(signals, comm)
     if comm.rank == 0 and not options.quiet:
