@@ -338,7 +338,9 @@ class _Search:
         strong = ContactLaw(1.0, strength, tensile_strength=strength, key=REPAIRED)
         glued = [repaired[[one.first, one.second]].any() for one in whole.contacts]
         laws = tuple(strong if g else law for g, law in zip(glued, whole.laws, strict=True))
-        structure = replace(whole, laws=laws, live=np.where(pushed[:, None], whole.live, 0.0))
+        live = np.where(pushed[:, None], whole.live, 0.0)
+        require(bool(np.any(live)), f"{part.name}: no block of it has a weight that pushes")
+        structure = replace(whole, laws=laws, live=live)
         end = solved(structure, scene, "positive", self.check_stop, stands=True)
         require(not end.stopped, end.stopped, Stopped)
         result = BlockLimitLoad(scene, structure, {"positive": end})

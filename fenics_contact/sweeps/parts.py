@@ -57,8 +57,8 @@ def parts_of(
     axes = np.eye(3)[: view.bodies.dimension - 1]
     every = dict(_told("", way) for axis in axes for way in (axis, -axis))
     turned = np.radians(np.array(angles, dtype=float))
-    level = np.column_stack([np.cos(turned), np.sin(turned), np.zeros(len(turned))])
-    ways = {f"{angle:g} degrees": to for angle, to in zip(angles, level, strict=True)}
+    plan = np.column_stack([np.cos(turned), np.sin(turned), np.zeros(len(turned))])
+    ways = {f"{angle:g} degrees": to for angle, to in zip(angles, plan, strict=True)}
     parts = [PushedPart("whole", moves, ways or every)]
     named = walls_of(view)
     walls: list[_Wall] = []
