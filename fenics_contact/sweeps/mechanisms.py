@@ -246,7 +246,20 @@ def mechanisms(
 
     run(search.of_whole, [(whole, way) for way in whole.ways])
     left = [part for part in parts if np.any(part.blocks & ~repaired)]
-    run(search.of_part, [(part, way) for part in left for way in part.ways])
+    none = np.zeros(len(repaired), dtype=bool)
+    first = {row.way: _moving(row.result) for row in reversed(rows)}
+    orders = [(part, way, first.get(way.split()[-1], none)) for part in left for way in part.ways]
+    most = {way: 0.0 for way in first}
+    for part, way, moves in orders:
+        if moves.any():
+            most[way.split()[-1]] = max(most[way.split()[-1]], _alike(moves, part))
+    run(
+        search.of_part,
+        [
+            (part, way, moves if _alike(moves, part) == most.get(way.split()[-1]) else none)
+            for part, way, moves in orders
+        ],
+    )
 
     def rank(row: Mechanism) -> tuple[bool, float]:
         """The worst first, what has no limit last."""
@@ -256,6 +269,11 @@ def mechanisms(
         )
 
     return Mechanisms(scene, sorted(rows, key=rank), stopped)
+
+
+def _alike(moves: Flags, part: PushedPart) -> float:
+    """The share of the blocks that move, or are a part's, of which both holds."""
+    return float(np.sum(moves & part.blocks) / np.sum(moves | part.blocks))
 
 
 def _floors(scene: BlockScene) -> list[float]:
@@ -365,16 +383,27 @@ class _Search:
                 repaired = repaired | moves
         return rows
 
-    def of_part(self, part: PushedPart, way: str) -> list[Mechanism]:
-        """The mechanism of a part that is pushed with what moves with it."""
+    def of_part(self, part: PushedPart, way: str, moves: Flags) -> list[Mechanism]:
+        """The mechanism of a part that is pushed with what moves with it.
+
+        Args:
+            part: Which one.
+            way: Where to.
+            moves: Blocks of the first mechanism of the whole this way, where it is most like that
+                of this part: it is pushed with these, too, and the worse one counts.
+        """
         quick = self.scene.solve.quick
         mine = part.blocks
         with suppress(Stopped):
-            found = self.row(part, way, mine, self.repaired, True)
-            moves = _moving(found.result)
-            if not quick or np.any(moves & ~mine):
-                wider = self.row(part, way, mine | moves, self.repaired, quick)
-                if np.any(_moving(wider.result) & moves & mine):
-                    return [wider]
-            return [found if quick else self.row(part, way, mine, self.repaired, quick)]
+            own = self.row(part, way, mine, self.repaired, True)
+
+            def row(pushed: Flags) -> Mechanism:
+                known = quick and np.array_equal(pushed, mine)
+                return own if known else self.row(part, way, pushed, self.repaired, quick)
+
+            rows = [row(mine | _moving(own.result))]
+            if moves.any() and np.any((mine | moves) != rows[0].pushed):
+                rows.append(row(mine | moves))
+            rows = [one for one in rows if np.any(_moving(one.result) & mine)] or [row(mine)]
+            return [min(rows, key=lambda one: one.end.load_factor)]
         return []
