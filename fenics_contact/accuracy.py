@@ -10,7 +10,6 @@ The first mesh is enough only where its mechanism has one load factor (`answers.
 from __future__ import annotations
 
 import itertools
-import logging
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +29,6 @@ from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
 from fenics_contact.search_options import SEARCH
 
-_log = logging.getLogger("fenics_contact")
 Found = TypeVar("Found", bound=Result)
 
 #: Corners at the ends of the sides of a cell of degree 2, by its number of nodes.
@@ -125,7 +123,6 @@ def _with_pass(result: Found) -> Found:
         if short:
             rows.append(Pass(name, *about, "points", best, 0.0, change, seconds))
             ends[name] = replace(end, load_factor=best)
-        _log.info("pass: %s, estimate %.2g", rows[-1], rows[-1].estimate)
     return replace(result, ends=ends, passes=tuple(rows))
 
 

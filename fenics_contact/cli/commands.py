@@ -270,15 +270,16 @@ def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     kind = _kind(tables)
     found = kind.standing(kind.read(tables, options.scene.parent, comm), factor)
     acting = "loads." if factor else "loads.dead."
+    goes_on = pushed and found.status == "equilibrium"  # `solve` comes next and tells warnings
     lines = [
         f"warning: {text}"
         for text in found.warnings
-        if text.startswith(acting) or not text.startswith("loads.")
+        if not goes_on and (text.startswith(acting) or not text.startswith("loads."))
     ]
     lines.append(found.summary(options.verbose))
     found.write(folder)
     lines.append(f"written to {folder}")
-    if pushed and found.status == "equilibrium":
+    if goes_on:
         lines.append(_next("solve", options.scene, options.overrides))
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines), flush=True)

@@ -77,12 +77,15 @@ class SearchWay(NamedTuple):
 def applicable(
     ways: Sequence[SearchWay], refusal: Callable[[SearchWay], str], kind: str = ""
 ) -> Iterator[SearchWay]:
-    """Those of a table that are to be tried, in order; why others are not is logged."""
+    """Those of a table that are to be tried, in order; why others are not is logged at the end."""
+    refused: dict[str, list[str]] = {}
     for way in ways:
         if why := refusal(way):
-            _log.info("  %s%s: not asked: %s", kind, way.name, why)
+            refused.setdefault(why, []).append(way.name)
         else:
             yield way
+    for why, names in refused.items():
+        _log.info("  %s%s: not asked: %s", kind, ", ".join(names), why)
 
 
 class FaceSearch:

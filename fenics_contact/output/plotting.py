@@ -448,14 +448,10 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
         chosen = lines.state == state
         if not np.any(chosen):
             continue
-        strokes = [(colour, thin if state in QUIET else wide)]
-        if state == ContactState.SLIP and fine > 0.7:  # two lines where they can be seen
-            strokes.append(("white", 0.3 * wide))
-        for stroke, width in strokes:
-            ends = lines.ends[chosen] + lines.motion[chosen]
-            add_lines(axes, ends, colors=stroke, linewidths=width)
-        drawn = [axes.plot([], [], color=stroke, lw=width)[0] for stroke, width in strokes]
-        entries.append((label, tuple(drawn)))
+        width = thin if state in QUIET else wide
+        ends = lines.ends[chosen] + lines.motion[chosen]
+        add_lines(axes, ends, colors=colour, linewidths=width)
+        entries.append((label, axes.plot([], [], color=colour, lw=width)[0]))
     if len(view.hinges):
         style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
         entries += axes.plot(*view.hinges.sum(axis=1).T, "o", label="hinge", **style)

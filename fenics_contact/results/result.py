@@ -578,8 +578,9 @@ class ByDirection(ABC):
 
     @property
     def details(self) -> list[str]:
-        """The same for `-v`."""
-        return [str(self.curve_end)] if self.curve_end else []
+        """What `-v` tells beside that."""
+        curve = str(self.curve_end)
+        return [curve] if self.curve_end and curve not in self.remarks else []
 
 
 @dataclass(frozen=True, repr=False, eq=False)

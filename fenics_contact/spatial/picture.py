@@ -274,7 +274,7 @@ def _in_circles(hides: Flags) -> Flags:
 def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     """Edges of contacts on the sides that are seen, displaced, with their colours, by side.
 
-    Of two blocks that slide on each other, one has them: two lines would be seen as two contacts.
+    Those of contacts that slide are where the block is that moves more: one line, not two.
     """
     bodies = view.bodies
     seen = bodies.normal @ turn[2] > MARKED
@@ -282,16 +282,14 @@ def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
     at = view.touching
     states = view.contacts.state.tolist()
     for pair, corners, state in zip(at.pairs.tolist(), at.corners, states, strict=True):
-        once: set[int] = set()
+        moves = max(pair, key=lambda block: view.share[block])
         for block in pair if state not in QUIET else ():
-            if once and state == ContactState.SLIP:
-                break
-            flat = (corners + view.displacements(corners, block)) @ turn[:2].T
+            at_block = moves if state == ContactState.SLIP else block
+            flat = (corners + view.displacements(corners, at_block)) @ turn[:2].T
             for side in np.flatnonzero(seen & (bodies.side_block == block)):
                 away = (corners - bodies.corner[bodies.sides[side][0]]) @ bodies.normal[side]
                 on = np.abs(away) < ON_SIDE * view.size
                 for edge in np.flatnonzero(on & np.roll(on, -1)):
                     line = flat[[edge, (edge + 1) % len(flat)]]
                     marks[side].append((line, MARKS[state][0]))
-                    once.add(block)
     return marks

@@ -11,8 +11,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from fenics_contact.output.plotting import BLUE
 from fenics_contact.output.report.viewer import viewer_page, write_viewer
 from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.result import Collapse
@@ -22,7 +24,7 @@ from fenics_contact.spatial import Load, Material, Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
 from fenics_contact.spatial.loads import Bar
-from fenics_contact.spatial.picture import VIEWS, draw_collapse, draw_view
+from fenics_contact.spatial.picture import VIEWS, axes_to, draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
@@ -81,6 +83,27 @@ def test_contacts_know_what_they_do(tipping, sliding):
     slides = view_of(sliding.structure, sliding.collapse)
     assert ContactState.SLIP in slides.contacts.state
     assert slides.contacts.utilisation.max() == pytest.approx(1.0)
+
+
+def test_what_slides_has_one_line(sliding):
+    """At the foot of the block that has gone, in every view."""
+    view = view_of(sliding.structure, sliding.collapse)
+    for eye in VIEWS[3].values():
+        turn = axes_to(eye)
+        axes = Figure().subplots()
+        draw_view(axes, view, turn)
+        (drawn,) = axes.collections
+        lines = [
+            path.vertices[:2]
+            for path, colour in zip(drawn.get_paths(), drawn.get_edgecolors(), strict=True)
+            if to_hex(colour) == BLUE.lower()
+        ]
+        gone = view.bodies.corner[view.bodies.block == 1] + view.displacements(
+            view.bodies.corner[view.bodies.block == 1], 1
+        )
+        foot = gone[np.isclose(gone[:, 2], 0.0)] @ turn[:2].T
+        away = np.linalg.norm(np.vstack(lines)[:, None] - foot, axis=2).min(axis=1)
+        assert np.allclose(away, 0.0, atol=1e-6)
 
 
 def test_contacts_crush_at_their_strength(tipping):

@@ -73,6 +73,17 @@ def test_warnings_are_of_what_acts(folder, capsys):
     assert len(told) == 1 and "loads.dead.earth.left" in told[0]
 
 
+def test_warnings_are_told_by_what_comes_next(folder, capsys):
+    """Those of a structure that stands are told by `solve`, and of one that does not here."""
+    heavy = {"materials.default.young": 5.0}
+    for changes, told in ((heavy, 0), (heavy | ALONE, 1), (heavy | STEEP, 1)):
+        write_scene(folder, QUIET | changes, "steep" if changes.keys() & STEEP.keys() else "block")
+        found = run_here(["stands", "scene.toml"], capsys)
+        assert found.out.count("very soft") == told
+        assert ("next: " in found.out) == (not told)
+        assert any("very soft" in text for text in result(folder / "scene_state")["warnings"])
+
+
 def test_a_support_that_moves_needs_no_live_load(folder, capsys):
     moved = {"loads.dead.movement": {"base": {"displacement": [0.0, -0.001]}}}
     write_scene(folder, QUIET | ALONE | moved, "block")
