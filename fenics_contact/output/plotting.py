@@ -609,8 +609,8 @@ def new_axes(polar: bool = False) -> Any:
             shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
             if shell is not None:
                 shell.run_line_magic("matplotlib", "inline")
-        pyplot.figure(figsize=(7.0, 4.5), layout="constrained")
-        return pyplot.subplot(polar=polar)
+        style: dict[str, Any] = {"figsize": (7.0, 4.5), "layout": "constrained"}
+        return pyplot.subplots(subplot_kw={"polar": polar}, **style)[1]
     except AttributeError as error:  # matplotlib-inline 0.2 asks old versions for what they lack
         cure = "in a notebook: pip install 'matplotlib-inline<0.2', and begin again"
         raise InputError(f"matplotlib cannot show a picture here ({error}); {cure}") from error
