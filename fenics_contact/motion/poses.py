@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.spatial.loads import Acting, Bar
+from fenics_contact.spatial.loads import Acting
 from fenics_contact.spatial.structure import Structure
+from fenics_contact.spatial.ties import Bar
 
 #: Rotations below this, rad, move a centroid by their series.
 SMALL = 1e-4

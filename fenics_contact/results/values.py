@@ -298,11 +298,14 @@ def _motions(layout: Layout, values: Array, columns: int | slice) -> npt.NDArray
 
 
 def tension_lines(ties: Mapping[str, Any], units: Units) -> list[Line]:
-    """Forces of ties, one by one."""
+    """Forces of ties, one by one; of those with several bars the sum of all that share it."""
     if "state" not in ties:
         return []
     texts = []
-    for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
+    for name in dict.fromkeys(ties["name"].tolist()):
+        mine = ties["name"] == name
+        force, states = ties["force"][mine].sum(), ties["state"][mine]
+        state = states[0] if np.all(states == states[0]) else TieState.ELASTIC
         carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
         texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
     return [Line("ties:", ", ".join(texts))]

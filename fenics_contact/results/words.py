@@ -372,9 +372,7 @@ def parts_in_words(
         [f"{counted(rest, 'smaller part')} move{'s' * (rest == 1)} between these"] if rest else []
     )
     if "state" in ties:
-        yielding = [
-            n for n, s in zip(ties["name"], ties["state"], strict=True) if s == TieState.YIELDS
-        ]
+        yielding = list(dict.fromkeys(ties["name"][ties["state"] == TieState.YIELDS]))
         if yielding:
             plural = len(yielding) > 1
             told.append(f"tie{'s' * plural} {', '.join(yielding)} yield{'s' * (not plural)}")

@@ -319,6 +319,12 @@ class Tie(Checked):
         prestress: Tension in the structure as drawn.
         spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
             and the stiffness that of one, N/m.
+        plate: Side of square anchor plates at ends in blocks, across the tie, m: all stones below
+            share its forces by area. None: an end holds the block that it is in.
+        line: Places that it passes from `from_` to `to`, m, perhaps none: it is fastened to every
+            stone on this line, as a ring beam. None: it is free between its ends.
+        group: It holds stones of this group alone, or the block of this name; an end that is in
+            none of them holds the nearest one.
     """
 
     from_: Vector | str = ruled(require_vector)
@@ -328,9 +334,14 @@ class Tie(Checked):
     stiffness: float | None = ruled(POSITIVE, None)
     prestress: float = ruled(NOT_NEGATIVE, 0.0)
     spacing: float | None = ruled(POSITIVE, None, of="mesh")
+    plate: float | None = ruled(POSITIVE, None, of="blocks")
+    line: tuple[Vector, ...] | None = only("blocks")
+    group: str | None = only("blocks")
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require(self.line is None or self.plate is None, "line: give either line or plate")
+        require(self.line is None or self.to is not None, "line: it ends at a place, to")
         require((self.to is None) != (self.ground is None), "to: give either to or ground")
         within = self.prestress <= self.yield_
         require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")

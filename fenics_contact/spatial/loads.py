@@ -11,14 +11,12 @@ from fenics_contact.errors import InputError, Vector, require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed, require_vector, ruled
-from fenics_contact.scene.scene import DIRECTION, GRAVITY, Floor, Load, Movement, Tie
+from fenics_contact.scene.scene import DIRECTION, GRAVITY, Floor, Load, Movement
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.contacts import clipped, polygon_area
 from fenics_contact.spatial.points import polygon_centroid
 from fenics_contact.spatial.polyhedra import Block
 
-#: Number of the ground where an anchor ends, which is no block.
-GROUND = -1
 #: Cosine of the largest angle between a side and the direction by which it is chosen: 1 degree.
 SAME_DIRECTION = 0.99985
 #: Distance from a plane or a block that is rounding, in parts of a typical block's size.
@@ -165,39 +163,6 @@ class Masses:
         return Acting(self.block, self.position, np.outer(self.mass * factors, acceleration), on)
 
 
-@dataclass(frozen=True)
-class Bar:
-    """A tie between two blocks.
-
-    Attributes:
-        tie: Its law.
-        blocks: Numbers of the blocks that it holds together; `GROUND` is the ground.
-        ends: m, shape (2, 3).
-    """
-
-    tie: Tie
-    blocks: tuple[int, int]
-    ends: Array
-
-
-def bar_of(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Bar:
-    """The bar of a tie between the blocks that are at its ends."""
-    places = {f"{key}.from": tie.from_, f"{key}.to": tie.to, f"{key}.ground": tie.ground}
-    ends = []
-    numbers = []
-    for place, end in places.items():
-        if isinstance(end, str):
-            raise InputError(f"{place} = '{end}' must be a place in a block, without a mesh")
-        if end is not None:
-            ends.append(lifted(end))
-            on_ground = end is tie.ground
-            numbers.append(GROUND if on_ground else numbered(place, blocks, None, end, near))
-    require(not np.array_equal(ends[0], ends[1]), f"{key}.to: it ends where it begins")
-    text = f"{key}: both ends are in block '{blocks[numbers[0]].name}'; a tie joins two"
-    require(numbers[0] != numbers[1], text)
-    return Bar(tie, (numbers[0], numbers[1]), np.array(ends))
-
-
 def masses_of_floor(
     key: str, floor: Floor, blocks: Sequence[Block], near: float
 ) -> tuple[Masses, str]:
@@ -288,7 +253,7 @@ def surface_loads(
         require(name in sides, f"{place}: there is no [sides.{name}]; it has {listed(sides)}")
         found = list(sides[name].of(blocks, near))
         require(bool(found), f"{place}: no side of a block is as [sides.{name}] says")
-        areas, centres = zip(*(_middle(corners) for _, corners in found), strict=True)
+        areas, centres = zip(*(middle_of(corners) for _, corners in found), strict=True)
         share = np.array(areas) / (1.0 if per_area else sum(areas))
         numbers = np.array([block for block, _ in found])
         yield place, Acting(numbers, np.array(centres), np.outer(share, vector), sides_told(areas))
@@ -299,7 +264,7 @@ def sides_told(areas: Sequence[float]) -> str:
     return f"{counted(len(areas), 'side')}, area {sum(areas):.6g} m2"
 
 
-def _middle(corners: Array) -> tuple[float, Array]:
+def middle_of(corners: Array) -> tuple[float, Array]:
     """Area, m2, and centroid, m, of a convex polygon in space."""
     fan = _fan(corners)
     areas = 0.5 * np.linalg.norm(np.cross(fan[:, 1] - fan[:, 0], fan[:, 2] - fan[:, 0]), axis=1)

@@ -79,8 +79,7 @@ class SpatialLimit(ByDirection):
 
     def ties_of(self, end: Collapse) -> dict[str, Any]:
         """Names, forces, yields and states (`TieState`) of ties; empty without ties or forces."""
-        names = tuple(getattr(self.scene, "ties", ()))
-        return ties_of(self.structure, end, names)
+        return ties_of(self.structure, end)
 
     def own_lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Another state, blocks that wedge, strengths that are exceeded, and ties."""
@@ -105,13 +104,14 @@ class SpatialLimit(ByDirection):
         return super().remarks + [QUICK] * (self.structure.quick and bool(self.limits))
 
 
-def ties_of(structure: Structure, end: Collapse, names: Sequence[str]) -> dict[str, Any]:
-    """Names, forces, yields and states (`TieState`) of ties; empty without names or forces."""
-    if not names or end.tension is None:
+def ties_of(structure: Structure, end: Collapse) -> dict[str, Any]:
+    """Names, forces, yields and states (`TieState`) of bars; empty without bars or forces."""
+    if not structure.bars or end.tension is None:
         return {}
-    limit = np.array([bar.tie.yield_ for bar in structure.bars])
+    limit = structure.yields
     state = np.digitize(end.tension / limit, [SLACK, YIELDS])
-    return {"name": np.array(names), "force": end.tension, "yield": limit, "state": state}
+    names = np.array([bar.key.partition(".")[2] for bar in structure.bars])
+    return {"name": names, "force": end.tension, "yield": limit, "state": state}
 
 
 def named(structure: Structure, numbers: Sequence[int], does: str) -> str:

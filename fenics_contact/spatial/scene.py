@@ -47,7 +47,6 @@ from fenics_contact.spatial.loads import (
     UP,
     Masses,
     Sides,
-    bar_of,
     factors_of,
     lifted,
     masses_of_floor,
@@ -57,6 +56,7 @@ from fenics_contact.spatial.loads import (
 )
 from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.ties import bars_of
 
 #: Depth of the ground below a foundation, in parts of a typical block's size.
 DEPTH = 0.1
@@ -251,7 +251,7 @@ class BlockScene(OfFile):
             total("loads.dead", blocks, dead),
             pushes,
             self.solve.quick,
-            tuple(bar_of(f"ties.{name}", tie, blocks, near) for name, tie in self.ties.items()),
+            bars_of(self.ties, blocks, near),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
             (*self.notes, *self._odd_sizes(), *warnings, *self._odd_values(laws)),

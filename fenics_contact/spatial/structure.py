@@ -13,9 +13,10 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.crushing import Crushing
-from fenics_contact.spatial.loads import Acting, Bar
+from fenics_contact.spatial.loads import Acting
 from fenics_contact.spatial.points import ends_of, points_of
 from fenics_contact.spatial.polyhedra import TINY, Block
+from fenics_contact.spatial.ties import Bar
 
 #: Shear stiffness of a face, in parts of its normal stiffness.
 SHEAR = 0.4

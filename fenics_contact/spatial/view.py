@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,8 @@ from fenics_contact.spatial.result import SpatialLimit, ties_of
 from fenics_contact.spatial.structure import Structure
 
 
-def view_of(structure: Structure, collapse: Collapse, names: Sequence[str] = ()) -> BlockView:
-    """What is seen of an answer to one direction, with the names of ties."""
-    ties = ties_of(structure, collapse, names)
+def view_of(structure: Structure, collapse: Collapse) -> BlockView:
+    """What is seen of an answer to one direction."""
     mode = np.zeros((len(structure.blocks), 6)) if collapse.mode is None else collapse.mode
     bars = structure.bars
     view = BlockView(
@@ -28,7 +26,7 @@ def view_of(structure: Structure, collapse: Collapse, names: Sequence[str] = ())
         motion=mode,
         tie_ends=np.array([bar.ends for bar in bars]).reshape(-1, 2, 3),
         tie_blocks=np.array([bar.blocks for bar in bars], dtype=np.int64).reshape(-1, 2),
-        ties=ties,
+        ties=ties_of(structure, collapse),
         marked=collapse.falling * (collapse.mode is None),  # a collapse shows what moves
         caption=title_of(collapse),
     )
@@ -75,10 +73,9 @@ def _contacts(structure: Structure, force: Array | None) -> Contacts:
 def views_of(result: SpatialLimit) -> dict[str, BlockView]:
     """Views of all directions."""
     title = plain(getattr(result.scene, "title", "") or "", LONGEST_TITLE)
-    ties = tuple(getattr(result.scene, "ties", ()))
     views = {}
     for name, collapse in result.ends.items():
-        view = view_of(result.structure, collapse, ties)
+        view = view_of(result.structure, collapse)
         view = replace(view, title=title, suffix=result.suffix(name))
         for answer in collapse.told:
             view = answer.seen(view)
