@@ -298,17 +298,24 @@ def _motions(layout: Layout, values: Array, columns: int | slice) -> npt.NDArray
 
 
 def tension_lines(ties: Mapping[str, Any], units: Units) -> list[Line]:
-    """Forces of ties, one by one; of those with several bars the sum of all that share it."""
+    """Forces of ties, one by one; of those with several bars the sum of all that share it.
+
+    Of many that are slack, as along a line, their number.
+    """
     if "state" not in ties:
         return []
-    texts = []
+    texts, slack = [], []
     for name in dict.fromkeys(ties["name"].tolist()):
         mine = ties["name"] == name
         force, states = ties["force"][mine].sum(), ties["state"][mine]
         state = states[0] if np.all(states == states[0]) else TieState.ELASTIC
-        carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
-        texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
-    return [Line("ties:", ", ".join(texts))]
+        if state == TieState.SLACK:
+            slack.append(f"{name} (slack)")
+        else:
+            carried = units.force(force, 4)
+            texts.append(f"{name} {carried} ({TieState(state).name.lower()})")
+    slack = [f"{len(slack)} slack"] if len(slack) > NAMED else slack
+    return [Line("ties:", ", ".join(texts + slack))]
 
 
 def soil_lines(soils: Sequence[SoilForce], units: Units) -> list[Line]:

@@ -568,6 +568,8 @@ class SolveOptions(Checked):
         quick: Forces at the corners of contacts alone: torsion is not limited.
         beyond: Follow the collapse in large displacements until nothing is left; or a displacement
             of the control point, m, up to which.
+        ties: Look for the collapse without ties, and for the yield at which a seismic demand is
+            met; None: yes, but not in sweeps.
     """
 
     method: str = one_of("auto", "fixed-point", "monolithic", "splitting", "active-set", of="mesh")
@@ -597,6 +599,7 @@ class SolveOptions(Checked):
         False,
         of="blocks",
     )
+    ties: bool | None = only("blocks")
 
     @property
     def asked_gap(self) -> float:

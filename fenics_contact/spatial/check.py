@@ -9,6 +9,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import counted
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
+from fenics_contact.spatial.ties import GROUND
 
 
 def description(scene: BlockScene, structure: Structure) -> str:
@@ -43,4 +44,9 @@ def description(scene: BlockScene, structure: Structure) -> str:
     loads = {"dead": structure.dead, "live": structure.live}
     resultants = {name: resultant(load[:, :3]) for name, load in loads.items()}
     more = [f"{key}: {text}" for key, text in on.items()]
+    held: dict[str, list[str]] = {}
+    for bar in structure.bars:
+        names = [structure.blocks[k].name for k in bar.blocks if k != GROUND]
+        held.setdefault(bar.key.partition("[")[0], []).extend(names)
+    more += [f"{key} holds {', '.join(dict.fromkeys(names))}" for key, names in held.items()]
     return "\n".join(scene_lines(scene, units, blocks, touching, lies, more, resultants))

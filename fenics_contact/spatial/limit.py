@@ -41,7 +41,10 @@ _log = logging.getLogger("fenics_contact")
 
 UNLIMITED = "nothing limits the live load"
 #: Modules of answers, each of which registers its own. They stand on this one.
-ANSWERS = ("motion.answer", "spatial.along_path", "spatial.other_states", "spatial.upper_end")
+ANSWERS = (
+    *("motion.answer", "spatial.along_path", "spatial.other_states"),
+    *("spatial.upper_end", "spatial.without_ties"),
+)
 
 
 @checked
@@ -115,7 +118,7 @@ def solved(
     check_stop = check_stop or _check(scene, asked_to_stop)
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
-    end, search = _searched(structure, sign, scene.solve.asked_gap, check_stop, stands)
+    end, search = searched_for(structure, sign, scene.solve.asked_gap, check_stop, stands)
     if search is None:
         return end
     parts: dict[str, Any] = {"structure": structure, "search": search, "check_stop": check_stop}
@@ -139,10 +142,10 @@ def collapse_of(
         asked: Largest gap, relative.
         check_stop: May raise `Stopped` between solves: what is known by then is the result.
     """
-    return _searched(structure, sign, asked, check_stop)[0]
+    return searched_for(structure, sign, asked, check_stop)[0]
 
 
-def _searched(
+def searched_for(
     structure: Structure,
     sign: float,
     asked: float,

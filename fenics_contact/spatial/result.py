@@ -105,8 +105,8 @@ class SpatialLimit(ByDirection):
 
 
 def ties_of(structure: Structure, end: Collapse) -> dict[str, Any]:
-    """Names, forces, yields and states (`TieState`) of bars; empty without bars or forces."""
-    if not structure.bars or end.tension is None:
+    """Names, forces, yields and states (`TieState`) of bars; empty without forces of any."""
+    if end.tension is None or not len(end.tension):
         return {}
     limit = structure.yields
     state = np.digitize(end.tension / limit, [SLACK, YIELDS])

@@ -32,7 +32,7 @@ class Bar:
     """A tie between two blocks, or a part of one.
 
     Attributes:
-        key: Of the tie in a scene.
+        key: Of the tie in a scene; along a line with a number.
         tie: Its law, with the forces of this part.
         blocks: Numbers of the blocks that it holds together; `GROUND` is the ground.
         ends: m, shape (2, 3).
@@ -193,9 +193,9 @@ def _along(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iterator
     held = [stone for one, stone in pairwise([(GROUND, start), *stones]) if one[0] != stone[0]]
     require(len(held) > 1, f"{key}: its line meets fewer than two blocks")
     length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(corners))
-    for (one, place), (two, other) in pairwise(held):
+    for number, ((one, place), (two, other)) in enumerate(pairwise(held), 1):
         part = _part(tie, 1.0, length / float(np.linalg.norm(other - place)))
-        yield Bar(key, part, (one, two), np.array([place, other]))
+        yield Bar(f"{key}[{number}]", part, (one, two), np.array([place, other]))
 
 
 def _on_line(

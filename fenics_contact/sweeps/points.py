@@ -338,7 +338,8 @@ def solve(scene: Any, structure: KeptStructure) -> Any:
     """
     start = time.perf_counter()
     # A table of load factors has a column for hinges, and no room for more.
-    more = {name: bool(getattr(scene.solve, name)) for name in ("lowest", "peak", "range")}
+    names = "lowest", "peak", "range", "ties"
+    more = {name: bool(getattr(scene.solve, name)) for name in names}
     scene = replace(scene, solve=replace(scene.solve, **more))
     if not isinstance(scene, Scene):
         from fenics_contact.spatial.limit import limit_load as limit_load_of_blocks

@@ -23,11 +23,11 @@ from fenics_contact.scene.scene import JointLaw, OutputOptions, SolveOptions, Ti
 from fenics_contact.spatial import Load, Material, Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 from fenics_contact.spatial.limit import collapse_of
-from fenics_contact.spatial.loads import Bar
 from fenics_contact.spatial.picture import VIEWS, axes_to, draw_collapse, draw_view
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import ContactLaw, Structure
+from fenics_contact.spatial.ties import Bar
 from fenics_contact.spatial.view import view_of, views_of
 from fenics_contact.spatial.vtu import write_fields
 from tests.vtu import values_of
@@ -356,10 +356,10 @@ def test_viewer_is_small_and_holds_any_name():
 
 def test_ties_are_drawn(tipping, tmp_path):
     tie = Tie(from_=(0.0, 0.0, 1.5), ground=(2.0, 0.0, 0.0), yield_=1.0)
-    bar = Bar(tie, (2, -1), np.array([tie.from_, tie.ground]))
+    bar = Bar("ties.stay", tie, (2, -1), np.array([tie.from_, tie.ground]))
     structure = replace(tipping.structure, bars=(bar,))
     result = SpatialLimit(None, structure, dict(tipping.ends))
-    view = view_of(structure, replace(tipping.collapse, tension=np.array([1.0])), ("stay",))
+    view = view_of(structure, replace(tipping.collapse, tension=np.array([1.0])))
     (ends,) = view.moved_ties
     assert ends[0] == pytest.approx([0.24 / 5**0.5, 0.0, 1.5 + 0.08 / 5**0.5])
     assert ends[1] == pytest.approx([2.0, 0.0, 0.0])

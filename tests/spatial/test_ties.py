@@ -163,3 +163,66 @@ def test_a_sweep_over_a_tie(tmp_path, dimension):
     parts = [(1, 0.25), (1, 1.0 / 3.0), (2, 0.25), (2, 1.0 / 3.0)]
     expected = [FRICTION + times * 2e3 * part / WEIGHT for times, part in parts]
     assert found.column("load_factor") == pytest.approx(expected, rel=1e-6)
+
+
+def anchored(dimension, tie=None, folder=None, **more):
+    """A flat stone that slides, held by a level anchor of 10 kN or another tie."""
+    level = {"from": place(dimension, 0, 0.5), "ground": place(dimension, -3, 0.5), "yield": 1e4}
+    blocks = {"stone": box(dimension, (0, 4), (0, 1))}
+    return scene_of(blocks, {"a": level | (tie or {})}, folder, dimension, **more)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_a_tie_brings_and_what_the_demand_needs(tmp_path, dimension):
+    """From F to F + Y / W; a0* = lambda g / FC of one part, so that Y = (FC a / g - F) W."""
+    weight = 4.0 * WEIGHT
+    for demand, needed in ((3.0, (1.35 * 0.3 - FRICTION) * weight / 1e4), (2.0, 0.0)):
+        result = limit_load(anchored(dimension, folder=tmp_path, seismic={"demand": demand}))
+        found = result.ends["positive"].without_ties
+        assert found.status == "limit"
+        assert found.load_factor == pytest.approx(FRICTION, rel=1e-6)
+        assert needed <= found.needed * (1.0 + 1e-6) <= 1.011 * needed + 1e-9
+        assert found.lowest == ()
+    told = result.summary().splitlines()
+    assert any(line.startswith("ties of 10000 N") and "from 0.306 to" in line for line in told), (
+        told
+    )
+    assert "needed for the demand: no ties" in told
+
+
+def test_a_tie_that_lifts_a_stone_leads_to_a_lower_state(tmp_path):
+    """F + (cos a - F sin a) Y / W: at 60 degrees the stone loses more friction than it gains."""
+    steep = {"from": [2.0, 1.0], "ground": [1.0, 1.0 + 3.0**0.5], "yield": 1.6e4}
+    result = limit_load(anchored(2, steep, tmp_path, friction=0.9))
+    expected = 0.9 + 0.2 * (0.5 - 0.9 * 0.75**0.5)
+    assert result.load_factor == pytest.approx(expected, rel=1e-6)
+    found = result.ends["positive"].without_ties
+    assert found.lowest == pytest.approx((expected, 0.9), rel=1e-4)
+    assert "ties lead to a lower state than the one without" in result.summary()
+
+
+def test_what_no_tie_can_bring(tmp_path):
+    """The stone beside the tied one slides off alone, whatever the tie carries."""
+    free = {"free": box(2, (9, 10), (0, 1)), "stone": box(2, (0, 4), (0, 1))}
+    tie = {"from": [0.0, 0.5], "ground": [-3.0, 0.5], "yield": 1e4}
+    scene = scene_of(free, {"a": tie}, tmp_path, 2, seismic={"demand": 3.0})
+    result = limit_load(scene)
+    assert result.ends["positive"].without_ties.needed == float("inf")
+    assert "needed for the demand: more than any yield of these ties" in result.summary()
+
+
+def test_a_stone_that_only_a_tie_holds(tmp_path):
+    """Without it the upper stone tilts over the edge of the lower one."""
+    blocks = {"low": box(2, (0, 1), (0, 1)), "top": box(2, (0.4, 2.4), (1, 2))}
+    tie = {"from": [0.6, 1.5], "ground": [0.6, -1.0], "yield": 1e5}
+    scene = scene_of(blocks, {"a": tie}, tmp_path, 2, seismic={"demand": 0.1})
+    result = limit_load(scene)
+    found = result.ends["positive"].without_ties
+    assert found.status == "unstable"
+    assert "without ties it does not stand; with them" in result.summary()
+
+
+def test_ties_are_left_out_where_that_is_asked(tmp_path):
+    for options in ({"ties": False}, {"fast": True}):
+        scene = anchored(2, folder=tmp_path, solve=options)
+        assert limit_load(scene).ends["positive"].without_ties is None

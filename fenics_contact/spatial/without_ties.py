@@ -1,0 +1,181 @@
+"""What ties bring: the collapse without them, and the yield at which a seismic demand is met."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from fenics_contact.answers.question import Asked
+from fenics_contact.answers.seismic import seismic_check
+from fenics_contact.errors import SolverError
+from fenics_contact.results.result import Collapse
+from fenics_contact.results.wording import Line, Wording
+from fenics_contact.scene.units import Units
+from fenics_contact.spatial.limit import searched_for
+from fenics_contact.spatial.other_states import LowestOfBlocks
+from fenics_contact.spatial.question import BlockQuestion
+from fenics_contact.spatial.result import ANOTHER
+from fenics_contact.spatial.view import view_of
+
+#: Accuracy of the yield that is needed, relative, and largest multiple of the given one tried.
+PRECISION, MOST = 0.01, 64.0
+#: A secant's point is this far inside of its interval, in parts of it.
+WITHIN = 0.1
+
+
+@dataclass(frozen=True)
+class WithoutTies:
+    """A structure without its ties, and with stronger or weaker ones.
+
+    Attributes:
+        status: Without ties, as that of a collapse.
+        load_factor: Without ties; nan if there is none.
+        yields: Smallest and largest yield of ties, N, in the plane per metre of thickness.
+        lowest: Load factors of the lowest states found with and without ties, where ties lead to a
+            lower state than that without; nan if not known, empty where they do not.
+        needed: Yields with which a0* reaches the demand, over those given: 0 if it does so without
+            ties, infinite if with none; None: no demand is given.
+        reason: Why it is not known.
+    """
+
+    status: str
+    load_factor: float = math.nan
+    yields: tuple[float, float] = (math.nan, math.nan)
+    lowest: tuple[float, ...] = ()
+    needed: float | None = None
+    reason: str = ""
+
+
+class WithoutTiesAnswer(Asked):
+    """What ties bring, a `WithoutTies`."""
+
+    value: WithoutTies
+    name = key = "without_ties"
+    seconds = "ties"
+    place = 8
+    asks = BlockQuestion
+    begins = "the collapse without ties"
+    option = "what ties bring looked for"
+    by_direction = True
+
+    @classmethod
+    def concerns(cls, question: BlockQuestion) -> bool:
+        """Whether there are ties."""
+        return bool(question.structure.bars)
+
+    @classmethod
+    def not_known(cls, reason: str) -> Self:
+        """That it is not known what ties bring."""
+        return cls(WithoutTies("not_known", reason=reason))
+
+    @classmethod
+    def run(cls, question: BlockQuestion) -> tuple[Self | None, Collapse]:
+        """What ties bring to a collapse."""
+        end = question.end
+        bare = _with_yields(question, 0.0)
+        given = [tie.yield_ for tie in question.scene.ties.values()]
+        found = WithoutTies(bare.end.status, bare.end.load_factor, (min(given), max(given)))
+        less = end.sign * (bare.end.load_factor - end.load_factor) > ANOTHER * end.size
+        if bare.end.status == "limit" and less and LowestOfBlocks.concerns(question):
+            found = replace(found, lowest=(_lowest(question), _lowest(bare)))
+        if question.scene.seismic is not None and question.scene.seismic.demand is not None:
+            found = replace(found, needed=_needed(question, bare))
+        return cls(found), end
+
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """Load factors without and with ties, lowest states, and the yield that is needed."""
+        found, unit = self.value, words.unit
+        if found.status == "not_known":
+            return [Line("what ties bring is not known:", found.reason, verbose=True)]
+        before = {
+            "unstable": "without ties it does not stand; with them",
+            "no_equilibrium": "without ties no equilibrium was found; with them",
+            "not_converged": "without ties no collapse was found; with them",
+            "unbounded": "without ties nothing limits the load; with them",
+        }
+        told = words.beside(end.load_factor, end.load_factor, end.sign)
+        text = f"{before.get(found.status, '')} {told}"
+        if found.status == "limit":
+            text = f"from {words.beside(found.load_factor, end.load_factor, end.sign)} to {told}"
+        lines = [Line(f"ties of {_forces(found, 1.0, words.units)}:", f"{text.strip()} {unit}")]
+        if found.lowest:
+            states = [f"{words.beside(one, end.load_factor, end.sign)}" for one in found.lowest]
+            text = f"lowest states found: {states[0]} with them, {states[1]} without"
+            lines.append(Line("ties lead to a lower state than the one without:", text))
+        if found.needed is not None:
+            text = _forces(found, found.needed, words.units)
+            text = "no ties" if found.needed == 0.0 else text
+            text = "more than any yield of these ties" if math.isinf(found.needed) else text
+            lines.append(Line("needed for the demand:", text))
+        return lines
+
+
+def _forces(found: WithoutTies, factor: float, units: Units) -> str:
+    """Yields of ties, times a factor."""
+    few, most = (units.force(float(f"{factor * one:.4g}"), 6) for one in found.yields)
+    return few if few == most else f"{few} to {most}"
+
+
+def _with_yields(question: BlockQuestion, factor: float) -> BlockQuestion:
+    """The collapse with yields that are multiplied; without ties for 0."""
+    structure, end = question.structure, question.end
+    bars = []
+    for bar in structure.bars if factor else ():
+        limit = factor * bar.tie.yield_
+        tie = replace(bar.tie, yield_=limit, prestress=min(bar.tie.prestress, limit))
+        bars.append(replace(bar, tie=tie))
+    structure = replace(structure, bars=tuple(bars))
+    asked = question.options.asked_gap
+    found, search = searched_for(structure, end.sign, asked, question.check_stop)
+    return replace(question, structure=structure, end=found, search=search or question.search)
+
+
+def _lowest(question: BlockQuestion) -> float:
+    """Load factor of the lowest state found; nan if it is not known."""
+    known: Any = question.end.answers.get("lowest") or LowestOfBlocks.run(question)[0]
+    return float(known.value.load_factor) if known is not None else math.nan
+
+
+def _acceleration(question: BlockQuestion) -> float:
+    """a0* of a collapse, m/s2: 0 where it does not stand, infinite where nothing limits it.
+
+    Raises:
+        SolverError: If no collapse was found.
+    """
+    scene, end = question.scene, question.end
+    known = {"unstable": 0.0, "no_equilibrium": 0.0, "unbounded": math.inf}
+    if end.status in known:
+        return known[end.status]
+    if end.status != "limit":
+        raise SolverError(f"with other yields {end.reason or 'no collapse was found'}")
+    gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
+    view = view_of(question.structure, end)
+    check = seismic_check(view, scene.seismic, end.load_factor, gravity, push)
+    return math.inf if check is None else check.acceleration
+
+
+def _needed(question: BlockQuestion, bare: BlockQuestion) -> float:
+    """The least multiple of all yields with which a0* reaches the demand, see `WithoutTies`."""
+    demand = question.scene.seismic.demand
+    low, high = 0.0, 1.0
+    under, over = _acceleration(bare), _acceleration(question)
+    if under >= demand:
+        return 0.0
+    while over < demand:
+        low, under, high = high, over, 2.0 * high
+        if high > MOST:
+            return math.inf
+        over = _acceleration(_with_yields(question, high))
+        if over <= under:
+            return math.inf
+    while high - low > PRECISION * high:
+        share = (demand - under) / (over - under) if math.isfinite(over) else 0.5
+        middle = low + (high - low) * float(np.clip(share, WITHIN, 1.0 - WITHIN))
+        found = _acceleration(_with_yields(question, middle))
+        low, under, high, over = (
+            (low, under, middle, found) if found >= demand else (middle, found, high, over)
+        )
+    return high
