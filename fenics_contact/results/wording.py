@@ -157,8 +157,8 @@ class Wording:
         value = self.number(factor, sign)
         apart = abs(value - self.number(leading, sign))
         digits = 3 if apart > CLOSE * abs(self.number(leading, sign)) else 4
-        if value == 0.0:
-            return "0"
+        if value == 0.0 or not math.isfinite(value):
+            return f"{value:g}"
         exponent = math.floor(math.log10(abs(value)))
         count = round(value * 10.0 ** (digits - 1 - exponent), 3)
         whole = {1: math.ceil, -1: math.floor}.get(outward, round)(count)

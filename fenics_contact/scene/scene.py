@@ -374,6 +374,8 @@ class Floor(Checked):
         mass: Whether the live body force acts on its mass, force / 9.81 m/s2, too.
         z: Height in space, m.
         group: Only blocks of this group carry it.
+        thrust: Level force of a roof, along x and y, N per metre of the plan across it, in the
+            plane along x; part of the dead load.
     """
 
     force: float = ruled(NOT_NEGATIVE)
@@ -383,6 +385,7 @@ class Floor(Checked):
     mass: bool = False
     z: float | None = ruled(FINITE, None, of="space")
     group: str | None = only("blocks")
+    thrust: float | tuple[float, float] = only("blocks", 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

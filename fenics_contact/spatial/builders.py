@@ -4,13 +4,14 @@ Every function returns all blocks, those that are ground among them, and takes k
 degrees, numbers. z is upwards. Walls stand on z = 0; arches spring from z = 0. Heights are made of
 whole courses, so that bricks may become a little higher or lower than asked for.
 
-Groups, for materials and joints: "walls", "lintels", "floors", "vault", "ground".
+Groups, for materials and joints: "walls", "lintels", "floors", "vault", "ground"; of `viaduct`
+"voussoirs", "skewbacks", "piers", "spandrels" and "fill".
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
 from itertools import pairwise
 from typing import Any, TypeVar, cast
@@ -19,7 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import InputError, checked, require
+from fenics_contact.geometry.builders import BridgeParts
+from fenics_contact.geometry.builders import bridge as section
 from fenics_contact.geometry.mesh import Array
+from fenics_contact.spatial.contacts import clipped
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 Blocks = tuple[Block, ...]
@@ -39,6 +43,8 @@ MARGIN = 0.5
 SPRINGER = 5.0
 #: Walls about a plan: their axis, 0 for x, and whether they are at the end of the other one.
 SIDES = {"south": (0, 0), "north": (0, 1), "west": (1, 0), "east": (1, 1)}
+#: The same of inner walls.
+INNER = (1, 0)
 #: Least difference of lengths, in parts of them.
 SAME = 1e-9
 
@@ -63,7 +69,13 @@ def _builder(function: F) -> F:
 
 @_builder
 def wall(
-    *, length: float, height: float, thickness: float, brick: Pair = BRICK, openings: Rows = ()
+    *,
+    length: float,
+    height: float,
+    thickness: float,
+    brick: Pair = BRICK,
+    openings: Rows = (),
+    gable: float | None = None,
 ) -> Blocks:
     """A straight wall in running bond along x, between y = 0 and its thickness.
 
@@ -74,12 +86,14 @@ def wall(
         brick: Length of a brick, and about its height. Pieces at ends and openings are shorter.
         openings: Rows of [from, to, bottom, top]. Bottom and top move to the nearest joints. A
             lintel as high as a course lies above, with half a brick of bearing at both ends.
+        gable: Height of a triangular gable on top; None for none.
 
     Raises:
         InputError: If a length is not positive, or an opening does not fit.
     """
     size = (("length", length), ("thickness", thickness))
-    return _masonry({"south": "wall"}, size, height, thickness, brick, openings)
+    gables = {} if gable is None else {"south": gable}
+    return _masonry({"south": "wall"}, size, height, thickness, brick, openings, gables=gables)
 
 
 @_builder
@@ -143,6 +157,8 @@ def house(
     openings: Mapping[str, Rows] | None = None,
     floors: Sequence[float] = (),
     floor_strips: int = 1,
+    inner: Sequence[float] = (),
+    gables: Mapping[str, float] | None = None,
 ) -> Blocks:
     """Four toothed walls with openings, and floors that rest on the two walls along x.
 
@@ -156,15 +172,21 @@ def house(
             y = 0; see `wall`.
         floors: Heights of their undersides. A floor takes the inner half of the walls along x, in
             a course of its own.
-        floor_strips: Blocks of a floor, side by side; 1 is a stiff slab.
+        floor_strips: Blocks of a floor in a room, side by side; 1 is a stiff slab.
+        inner: Western faces, x, of inner walls along y, toothed with both walls along x: "inner_1"
+            and so on.
+        gables: Heights of triangular gables on top, by the names of walls.
 
     Raises:
-        InputError: See `wall`; or if a floor is outside the walls, or cuts an opening.
+        InputError: See `wall`; or if a floor is outside the walls, or cuts an opening, or inner
+            walls are less than a brick from openings, or half of one from walls.
     """
     size = (("length", length), ("width", width))
     names = {side: side for side in SIDES}
     given = openings or {}
-    return _masonry(names, size, height, thickness, brick, given, floors, floor_strips)
+    more: dict[str, Any] = {"floors": floors, "floor_strips": floor_strips}
+    more |= {"inner": inner, "gables": gables or {}}
+    return _masonry(names, size, height, thickness, brick, given, **more)
 
 
 @_builder
@@ -389,6 +411,58 @@ def bridge(
     return tuple(blocks)
 
 
+@_builder
+def viaduct(
+    *,
+    span: float,
+    rise: float,
+    ring: float,
+    width: float,
+    voussoirs: int = 15,
+    spans: int = 1,
+    pier: Pair = (1.5, 2.0),
+    cover: float = 0.3,
+    strips: int = 3,
+    spandrel: float = 0.3,
+) -> Blocks:
+    """Arches on piers and abutments along x, which stand on the ground, with a level road.
+
+    Its section is that of the planar builder `bridge`. Between the spandrel walls are blocks of the
+    group "fill", one over every voussoir, which spread loads and push back as the walls do.
+
+    Args:
+        span: Clear width of an arch; the first one is from x = 0 on and springs at z = 0.
+        rise: Of the intrados.
+        ring: Thickness of the arches.
+        width: Of the bridge, from y = 0.
+        voussoirs: Number around an arch.
+        spans: Number of arches.
+        pier: Width and height of piers and abutments.
+        cover: Height of the road above the crown.
+        strips: Number of voussoirs across the bridge, bonded.
+        spandrel: Thickness of the spandrel walls.
+
+    Raises:
+        InputError: If lengths or numbers make no bridge.
+    """
+    _check_more("width", width, 2.0 * spandrel)
+    drawn = section(span, rise, ring, voussoirs, spans, BridgeParts(pier=pier, cover=cover))
+    whole = np.linspace(0.0, width, strips + 1)
+    middles = 0.5 * (whole[1:] + whole[:-1])
+    shifted = np.array([0.0, *middles, width]) if strips > 1 else whole
+    walled = np.array([0.0, spandrel, width - spandrel, width])
+    blocks = []
+    for number, (outline, name) in enumerate(zip(drawn.blocks, drawn.names, strict=True), 1):
+        above = name == "spandrels"
+        cuts = walled if above else np.array([0.0, width])
+        cuts = [whole, shifted][number % 2] if name == "voussoirs" else cuts
+        for strip, along in enumerate(pairwise(cuts), 1):
+            group = "fill" if above and strip == 2 else name
+            solid = Polyhedron.hull([(x, y, z) for y in along for x, z in outline])
+            blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
+    return tuple(blocks)
+
+
 # ---- courses of bricks
 
 
@@ -401,6 +475,8 @@ def _masonry(
     openings: Rows | Mapping[str, Rows] = (),
     floors: Sequence[float] = (),
     floor_strips: int = 1,
+    inner: Sequence[float] = (),
+    gables: Mapping[str, float] | None = None,
 ) -> Blocks:
     """Walls about a plan, toothed where they meet, on the ground.
 
@@ -415,7 +491,9 @@ def _masonry(
         brick: See `wall`.
         openings: See `wall`, in its only wall along x; or see `house`.
         floors: See `house`.
-        floor_strips: Blocks of a floor.
+        floor_strips: Blocks of a floor in a room.
+        inner: See `house`.
+        gables: See `house`.
     """
     require(min(brick) > 0.0, f"brick = {list(brick)} must be positive")
     count = max(round(height / brick[1]), 1)
@@ -431,17 +509,27 @@ def _masonry(
         low, high = ends(axis, thickness)
         _check_more(*size[axis], low + plan[axis] - high)
     given = openings if isinstance(openings, Mapping) else {"south": openings}
-    unknown = ", ".join(sorted(set(given) - set(names)))
-    require(not unknown, f"openings.{unknown}: the walls are south, north, west and east")
-    taken = {}
+    floor_courses = {round(level / rise): f"floors: {level:g}" for level in floors}
+    toothed = [k for k in range(1, count, 2) if k not in floor_courses]
+    rooms = [thickness, *(x for near in inner for x in (near, near + thickness))]
+    rooms.append(plan[0] - thickness)
+    for low, high in zip(rooms[::2], rooms[1::2], strict=True) if inner else ():
+        _check_more("inner", high, low + 0.5 * brick[0])
+    walled = [(near, near + thickness, "") for near in inner]
+    taken = {side: {k: walled[:] for k in toothed if inner} for side in names if not SIDES[side][0]}
+    within = {f"inner_{number}": near for number, near in enumerate(inner, 1)}
+    names = {**names, **{name: name for name in within}}
+    for kind, of in (("openings", given), ("gables", gables or {})):
+        unknown = ", ".join(sorted(set(of) - set(names)))
+        require(not unknown, f"{kind}.{unknown}: the walls are {', '.join(names)}")
     for side, rows in given.items():
         key = f"openings.{side}" if given is openings else "openings"
-        taken[side] = _openings(key, rows, ends(SIDES[side][0], thickness), count, rise, brick[0])
-    floor_courses = {round(level / rise): f"floors: {level:g}" for level in floors}
+        run = ends(SIDES.get(side, INNER)[0], thickness)
+        taken[side] = _openings(key, rows, run, count, rise, brick[0], taken.get(side, {}))
     for course, name in floor_courses.items():
         text = f"must be between {rise:g} and {height - rise:g}, the last course"
         require(1 <= course < count, f"{name} {text}")
-        cut = " and ".join(side for side, courses in taken.items() if course in courses)
+        cut = " and ".join(side for side, courses in taken.items() if courses.get(course))
         require(not cut, f"{name} is in an opening of {cut} or in its lintel")
     blocks = [_ground((0.0, 0.0), plan)]
     for course in range(count):
@@ -450,9 +538,9 @@ def _masonry(
         deep = 0.5 * thickness if is_floor else thickness
         through = 0 if is_floor else course % 2
         for side, name in names.items():
-            axis, far = SIDES[side]
+            axis, far = SIDES.get(side, INNER)
             across = thickness if axis else deep
-            near = far * (plan[1 - axis] - across)
+            near = within.get(side, far * (plan[1 - axis] - across))
             run = ends(axis, 0.0 if axis == through else deep)
             holes = taken.get(side, {}).get(course, [])
             bricks = _bricks(run, holes, brick[0], (course + axis) % 2)
@@ -461,18 +549,51 @@ def _masonry(
                 lowest, highest = corners[:, [1, 0, 2]] if axis else corners
                 title = f"{name}_{course + 1}_{number + 1}"
                 blocks.append(_box(lowest, highest, title, group))
-        cuts = np.linspace(thickness, plan[0] - thickness, floor_strips * is_floor + 1)
-        for number, (start, end) in enumerate(pairwise(cuts)):
+        edges = zip(rooms[::2], rooms[1::2], strict=True) if is_floor else ()
+        cuts = [np.linspace(*room, floor_strips + 1) for room in edges]
+        slabs = [slab for some in cuts for slab in pairwise(some)]
+        for number, (start, end) in enumerate(slabs):
             name = f"floor_{course + 1}_{number + 1}"
             blocks.append(_box((start, deep, low), (end, plan[1] - deep, high), name, "floors"))
+    for side, above in (gables or {}).items():
+        axis, far = SIDES.get(side, INNER)
+        near = within.get(side, far * (plan[1 - axis] - thickness))
+        faces = (near, near + thickness)
+        blocks += _gable(names[side], axis, faces, plan[axis], (height, above), brick[0], count)
     return tuple(blocks)
 
 
+def _gable(
+    name: str, axis: int, across: Pair, length: float, heights: Pair, brick: float, count: int
+) -> Iterator[Block]:
+    """Bricks of a triangle on top of so many courses of a wall of some height, as high as these."""
+    height, above = heights
+    require(above > 0.0, f"gables = {above:g} must be positive")
+    slopes = np.array([[0.0, height], [length, height], [0.5 * length, height + above]])
+    courses = max(round(above * count / height), 1)
+    for course in range(courses):
+        low, high = height + above * np.array([course, course + 1]) / courses
+        inset = 0.5 * length * (course + 0.5) / courses  # at half of the course's height
+        bricks = _bricks((inset, length - inset), [], brick, (count + course + axis) % 2)
+        joints = [0.0, *(end for _, end, _ in bricks[:-1]), length]
+        for number, (start, end) in enumerate(pairwise(joints)):
+            loop = clipped(np.array([[start, low], [end, low], [end, high], [start, high]]), slopes)
+            corners = np.array([(u, v, z) for v in across for u, z in loop])
+            solid = Polyhedron.hull(corners[:, [1, 0, 2] if axis else [0, 1, 2]])
+            yield Block((solid,), f"{name}_{count + course + 1}_{number + 1}", "walls")
+
+
 def _openings(
-    key: str, rows: Rows, ends: Pair, count: int, rise: float, brick: float
+    key: str,
+    rows: Rows,
+    ends: Pair,
+    count: int,
+    rise: float,
+    brick: float,
+    walled: Mapping[int, list[Interval]],
 ) -> dict[int, list[Interval]]:
-    """What openings and lintels take of courses, each between piers of half a brick."""
-    taken: dict[int, list[Interval]] = defaultdict(list)
+    """What openings, lintels and inner walls take of courses, apart by a brick."""
+    taken: dict[int, list[Interval]] = defaultdict(list, walled)
     least, most = ends[0] + 0.5 * brick, ends[1] - 0.5 * brick
     room = (count - 1) * rise
     for number, row in enumerate(rows):
@@ -489,7 +610,9 @@ def _openings(
         for course in range(first, lintel + 1):
             apart = [max(start - b, a - end) for a, b, _ in taken[course]]
             beside = min(apart, default=brick) > (1.0 - 2.0 * SAME) * brick
-            require(beside, f"{name} is less than a brick away from another opening")
+            require(
+                beside, f"{name} is less than a brick away from another opening or an inner wall"
+            )
             taken[course].append((start, end, "lintels" if course == lintel else ""))
     return taken
 

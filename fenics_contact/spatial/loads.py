@@ -165,8 +165,8 @@ class Masses:
 
 def masses_of_floor(
     key: str, floor: Floor, blocks: Sequence[Block], near: float
-) -> tuple[Masses, str]:
-    """Mass of a floor on the blocks that carry it, and on what it lies.
+) -> tuple[Masses, Acting]:
+    """Mass of a floor on the blocks that carry it, and its thrust, with on what it lies.
 
     Its plan is `x` by `y`, by default the rectangle around the top sides at its height.
     """
@@ -190,7 +190,9 @@ def masses_of_floor(
     mass = floor.force * polygon_area(plan) / GRAVITY * area / area.sum()
     places = [[*polygon_centroid(part), height] for _, part in parts]
     masses = Masses(np.array([number for number, _ in parts]), np.array(places), mass)
-    return masses, sides_told(area.tolist())
+    thrust = np.atleast_1d(floor.thrust) @ np.eye(3)[: np.size(floor.thrust)]
+    pushes = np.outer(area / area.sum(), thrust * [*(high - low)[::-1], 0.0])
+    return masses, Acting(masses.block, masses.position, pushes, sides_told(area.tolist()))
 
 
 def _fan(corners: Array) -> Array:

@@ -235,9 +235,10 @@ class BlockScene(OfFile):
         foot = min(lowest(blocks[k], self._up) for k in moving)
         factors = factors_of(self.live, pushed.position @ self._up - foot, pushed.mass)
         dead = dict(surface_loads("loads.dead", self.dead, blocks, self.sides, near))
-        dead |= {
-            f"floors.{n}": mass.acting(-GRAVITY * UP, on=on) for n, (mass, on) in floors.items()
-        }
+        for name, (mass, thrust) in floors.items():
+            dead[f"floors.{name}"] = mass.acting(-GRAVITY * UP, on=thrust.on)
+            if np.any(thrust.force):
+                dead[f"floors.{name}.thrust"] = thrust
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))
         dead["loads.dead.body"] = masses.acting(lifted(self.dead.acceleration))
         live["loads.live.body"] = pushed.acting(lifted(self.live.acceleration), factors)

@@ -91,8 +91,7 @@ def _between(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iterat
     numbers, wrong = [], []
     for place, end in ends.items():
         try:
-            on_ground = place.endswith(".ground")
-            numbers.append(GROUND if on_ground else _number(place, tie, end, blocks, near))
+            numbers.append(_number(place, tie, end, blocks, near))
         except InputError as error:
             wrong.append(str(error))
     require(not wrong, "; ".join(wrong))
@@ -108,6 +107,8 @@ def _check_apart(key: str, numbers: Sequence[int], blocks: Sequence[Block]) -> N
 
 def _number(key: str, tie: Tie, end: Vector, blocks: Sequence[Block], near: float) -> int:
     """Number of the block at an end: the one that it is in, or the nearest one of the group."""
+    if end is tie.ground:
+        return GROUND
     if tie.group is None:
         return numbered(key, blocks, None, end, near)
     place = lifted(end)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from fenics_contact.answers.question import Asked
 from fenics_contact.answers.seismic import seismic_check
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, require
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
@@ -37,7 +38,7 @@ class WithoutTies:
         lowest: Load factors of the lowest states found with and without ties, where ties lead to a
             lower state than that without; nan if not known, empty where they do not.
         needed: Yields with which a0* reaches the demand, over those given: 0 if it does so without
-            ties, infinite if with none; None: no demand is given.
+            ties, infinite if with none; None: no demand is given, or none was found.
         reason: Why it is not known.
     """
 
@@ -82,33 +83,26 @@ class WithoutTiesAnswer(Asked):
         if bare.end.status == "limit" and less and LowestOfBlocks.concerns(question):
             found = replace(found, lowest=(_lowest(question), _lowest(bare)))
         if question.scene.seismic is not None and question.scene.seismic.demand is not None:
-            found = replace(found, needed=_needed(question, bare))
+            with suppress(SolverError):
+                found = replace(found, needed=_needed(question, bare))
         return cls(found), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Load factors without and with ties, lowest states, and the yield that is needed."""
-        found, unit = self.value, words.unit
+        found = self.value
         if found.status == "not_known":
             return [Line("what ties bring is not known:", found.reason, verbose=True)]
-        before = {
-            "unstable": "without ties it does not stand; with them",
-            "no_equilibrium": "without ties no equilibrium was found; with them",
-            "not_converged": "without ties no collapse was found; with them",
-            "unbounded": "without ties nothing limits the load; with them",
-        }
-        told = words.beside(end.load_factor, end.load_factor, end.sign)
-        text = f"{before.get(found.status, '')} {told}"
-        if found.status == "limit":
-            text = f"from {words.beside(found.load_factor, end.load_factor, end.sign)} to {told}"
-        lines = [Line(f"ties of {_forces(found, 1.0, words.units)}:", f"{text.strip()} {unit}")]
-        if found.lowest:
-            states = [f"{words.beside(one, end.load_factor, end.sign)}" for one in found.lowest]
-            text = f"lowest states found: {states[0]} with them, {states[1]} without"
+        factors = (found.load_factor, end.load_factor, *found.lowest)
+        bare, tied, *lowest = (words.beside(one, end.load_factor, end.sign) for one in factors)
+        bare = {"limit": bare, "unbounded": "no limit"}.get(found.status, "no equilibrium")
+        text = f"from {bare} to {tied} {words.unit}"
+        lines = [Line(f"ties of {_forces(found, 1.0, words.units)}:", text)]
+        if lowest:
+            text = f"lowest states found: {lowest[0]} with them, {lowest[1]} without"
             lines.append(Line("ties lead to a lower state than the one without:", text))
         if found.needed is not None:
-            text = _forces(found, found.needed, words.units)
-            text = "no ties" if found.needed == 0.0 else text
-            text = "more than any yield of these ties" if math.isinf(found.needed) else text
+            few = {0.0: "no ties", math.inf: "more than any yield of these ties"}
+            text = few.get(found.needed) or _forces(found, found.needed, words.units)
             lines.append(Line("needed for the demand:", text))
         return lines
 
@@ -146,11 +140,10 @@ def _acceleration(question: BlockQuestion) -> float:
         SolverError: If no collapse was found.
     """
     scene, end = question.scene, question.end
-    known = {"unstable": 0.0, "no_equilibrium": 0.0, "unbounded": math.inf}
-    if end.status in known:
-        return known[end.status]
     if end.status != "limit":
-        raise SolverError(f"with other yields {end.reason or 'no collapse was found'}")
+        known = {"unstable": 0.0, "no_equilibrium": 0.0, "unbounded": math.inf}
+        require(end.status in known, f"with other yields {end.reason}", SolverError)
+        return known[end.status]
     gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
     view = view_of(question.structure, end)
     check = seismic_check(view, scene.seismic, end.load_factor, gravity, push)

@@ -51,6 +51,22 @@ MADE = {
         partial(builders.house, **HOUSE, floors=[1.2, 2.2], floor_strips=4),
         0.2 * (2.0 * 4.8 + 2.0 * 2.8) * 2.4 + 2.0 * 0.2 * 4.4 * 2.8,
     ),
+    "wall with a gable": (
+        partial(builders.wall, length=4.0, height=1.0, thickness=0.2, gable=1.2),
+        0.2 * 4.0 * (1.0 + 0.5 * 1.2),
+    ),
+    "house with rooms": (
+        partial(
+            builders.house,
+            **HOUSE,
+            inner=[1.6, 3.0],
+            openings={"inner_1": [[0.8, 1.6, 0.0, 1.6]]},
+            gables={"west": 1.0, "east": 1.0, "inner_2": 1.0},
+            floors=[2.2],
+        ),
+        0.2 * ((2.0 * 4.8 + 4.0 * 2.8) * 2.4 - 0.8 * 1.6 + 1.5 * 3.2)
+        + 0.2 * (4.0 * 3.0 - 2.0 * 4.8 * 0.1 + 4.0 * 0.2 * 0.2),
+    ),
     "tower": (
         partial(
             builders.tower, width=3.0, height=6.0, thickness=0.5, top_width=2.0, brick=(1.0, 0.5)
@@ -166,6 +182,13 @@ def test_dome_fills_its_rings():
         ("house", {"openings": {"front": [[1, 2, 0, 1]]}}, "openings.front: the walls are south"),
         ("house", {"openings": WINDOWS, "floors": [1.2]}, "1.2 is in an opening of south"),
         ("house", {"floors": [2.4]}, "2.4 must be between 0.2 and 2.2, the last course"),
+        ("house", {"inner": [2.0, 2.3]}, "inner = 2.3 must be more than 2.4"),
+        ("house", {"inner": [1.0], "openings": WINDOWS}, "less than a brick .* or an inner wall"),
+        ("house", {"gables": {"roof": 1.0}}, "gables.roof: the walls are south, north"),
+        ("house", {"gables": {"west": -1.0}}, "gables = -1 must be positive"),
+        ("wall", {"gable": 0.0}, "gable = 0 must be positive"),
+        ("viaduct", {"spandrel": 1.0}, "width = 2 must be more than 2"),
+        ("viaduct", {"rise": 3.0}, "rise <= span / 2"),
         ("tower", {"top_width": 4.0}, "top_width = 4 must be at most width = 3"),
         ("barrel_vault", {"rise": 1.1}, "rise = 1.1 must be at most span / 2 = 1"),
         ("barrel_vault", {"voussoirs": 0}, "voussoirs = 0 must be positive"),
@@ -193,6 +216,7 @@ def test_impossible_sizes_are_named(make, changed, message):
         },
         "cross_vault": {"span": 1.85, "thickness": 0.15, "length": 2.5, "voussoirs": 16},
         "dome": DOME,
+        "viaduct": {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0},
         "bridge": {
             "span": 4.0,
             "rise": 1.2,

@@ -219,7 +219,7 @@ def test_a_stone_that_only_a_tie_holds(tmp_path):
     result = limit_load(scene)
     found = result.ends["positive"].without_ties
     assert found.status == "unstable"
-    assert "without ties it does not stand; with them" in result.summary()
+    assert "from no equilibrium to " in result.summary()
 
 
 def test_ties_are_left_out_where_that_is_asked(tmp_path):

@@ -1,0 +1,94 @@
+"""Houses and bridges: gables, inner walls, roofs that thrust, viaducts; hand values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact.spatial import Scene, builders, limit_load
+from fenics_contact.spatial.contacts import checked_contacts
+
+BASE = {
+    "materials": {"default": {"density": 2000.0}},
+    "joints": {"default": {"friction": 5.0}},
+    "solve": {"fast": True},
+}
+DEAD = {3: {"body": [0.0, 0.0, -9.81]}, 2: {"body": [0.0, -9.81]}}
+
+
+def factor_of(folder, push, **tables):
+    """Load factor under the weight acting along a direction."""
+    loads = {"dead": DEAD[len(push)], "live": {"direction": push}}
+    given = {"dimension": len(push), "loads": loads, **tables}
+    return limit_load(Scene.from_tables({**BASE, **given}, folder)).load_factor
+
+
+def test_a_wall_with_a_gable_turns_about_its_foot(tmp_path):
+    """t / 2 over the height of the centroid, of the wall and its triangle."""
+    sizes = {"length": 4.0, "height": 0.5, "thickness": 0.3, "brick": [1.0, 0.5]}
+    blocks = {"builder": "wall", "gable": 2.0, **sizes}
+    centroid = (2.0 * 0.25 + 4.0 * (0.5 + 2.0 / 3.0)) / 6.0
+    found = factor_of(tmp_path, [0.0, 1.0, 0.0], blocks=blocks)
+    assert found == pytest.approx(0.15 / centroid, rel=1e-5)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_roof_that_thrusts(tmp_path, dimension):
+    """lambda W h / 2 + T h = (W + F) t / 2: walls 2 m and a metre long."""
+    if dimension == 3:
+        stone = {"box": [[0.0, 0.0, 0.0], [2.0, 0.5, 3.0]]}
+        roof = {"z": 3.0, "thrust": [0.0, 400.0]}
+        push, length = [0.0, 1.0, 0.0], 2.0
+    else:
+        stone = {"polygon": [[0.0, 0.0], [0.5, 0.0], [0.5, 3.0], [0.0, 3.0]]}
+        roof, push, length = {"y": 3.0, "thrust": 400.0}, [1.0, 0.0], 1.0
+    weight = 2000.0 * 9.81 * length * 0.5 * 3.0
+    lies, thrust = 2000.0 * 0.5 * length, 400.0 * length
+    expected = ((weight + lies) * 0.25 - thrust * 3.0) / (1.5 * weight)
+    tables = {"blocks": {"wall": stone}, "floors": {"roof": {"force": 2000.0, **roof}}}
+    assert factor_of(tmp_path, push, **tables) == pytest.approx(expected, rel=1e-6)
+
+
+def test_inner_walls_are_toothed_with_outer_ones():
+    """In every second course the inner wall runs through; there it touches both stones beside."""
+    blocks = builders.house(
+        length=4.8, width=3.2, height=0.8, thickness=0.2, inner=[2.0], brick=(0.4, 0.2)
+    )
+    ends = [b for b in blocks if b.name.startswith("inner_1") and b.extent[0][1] < 0.1]
+    assert [round(float(b.extent[0][2]), 3) for b in ends] == [0.2, 0.6]
+    contacts, warnings = checked_contacts(blocks)
+    assert warnings == ()
+    number = blocks.index(ends[0])
+    beside = [c for c in contacts if number in (c.first, c.second) and abs(c.axes[0, 0]) > 0.9]
+    assert len(beside) == 2
+
+
+def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
+    """Two spans pushed along the bridge: one load factor in the plane and in space."""
+    sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}
+    rough = {"default": {"friction": 0.6}}
+    plane = factor_of(tmp_path, [1.0, 0.0], blocks={"builder": "bridge", **sizes}, joints=rough)
+    viaduct = {"builder": "viaduct", "width": 2.0, "strips": 2, **sizes}
+    space = factor_of(tmp_path, [1.0, 0.0, 0.0], blocks=viaduct, joints=rough)
+    assert space == pytest.approx(plane, rel=1e-3)
+
+
+def test_parts_of_a_viaduct(tmp_path):
+    """Fill between spandrel walls, sizes, and an axle whose force is told in kN."""
+    sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0, "voussoirs": 9}
+    blocks = {"builder": "viaduct", "spandrel": 0.5, **sizes}
+    on_road = {"axle": {"at": [1.0, 1.0, 1.7], "force": [0.0, 0.0, -1e5]}}
+    loads = {"dead": DEAD[3], "live": {"force": on_road}}
+    rough = {"default": {"friction": 0.6}}
+    tables = {"dimension": 3, "blocks": blocks, "loads": loads, "output": {"units": "m"}}
+    scene = Scene.from_tables({**BASE, **tables, "joints": rough}, tmp_path)
+    groups = {block.group for block in scene.blocks}
+    assert groups == {"voussoirs", "skewbacks", "piers", "spandrels", "fill"}
+    volume = {g: sum(b.volume for b in scene.blocks if b.group == g) for g in groups}
+    assert volume["fill"] == pytest.approx(volume["spandrels"])
+    low, high = np.array([b.extent for b in scene.blocks]).transpose(1, 0, 2)
+    assert low.min(axis=0) == pytest.approx([-1.5, 0.0, -2.0])
+    assert high.max(axis=0) == pytest.approx([5.5, 2.0, 1.7])
+    result = limit_load(scene)
+    assert result.status == "limit"
+    assert "kN" in result.summary().splitlines()[0]
