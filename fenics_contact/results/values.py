@@ -312,8 +312,7 @@ def tension_lines(ties: Mapping[str, Any], units: Units) -> list[Line]:
         if state == TieState.SLACK:
             slack.append(f"{name} (slack)")
         else:
-            carried = units.force(force, 4)
-            texts.append(f"{name} {carried} ({TieState(state).name.lower()})")
+            texts.append(f"{name} {units.force(force, 4)} ({TieState(state).name.lower()})")
     slack = [f"{len(slack)} slack"] if len(slack) > NAMED else slack
     return [Line("ties:", ", ".join(texts + slack))]
 

@@ -229,7 +229,8 @@ class Force(Checked):
     Attributes:
         force: N, in the plane per metre of thickness.
         x: Place, m.
-        y: Place, m; where left out, the highest edge above or below `x` that looks up.
+        y: Place, m; where left out, the highest edge above or below `x` that looks up. Without a
+            mesh the highest side at `x`, in space at `x` and `y`, is meant.
         width: The force is spread evenly over so much of the edge, m; 0 for a point.
         block: Name of the block that it acts on; by default the one at `at`.
         at: Where, m; by default the block's centroid.
@@ -237,8 +238,8 @@ class Force(Checked):
     """
 
     force: Vector = ruled(require_vector)
-    x: float | None = ruled(FINITE, None, of="mesh")
-    y: float | None = ruled(FINITE, None, of="mesh")
+    x: float | None = ruled(FINITE, None)
+    y: float | None = ruled(FINITE, None)
     width: float = ruled(NOT_NEGATIVE, 0.0, of="mesh")
     block: str | None = only("blocks")
     at: Vector | None = ruled(require_vector, None, of="blocks")

@@ -77,8 +77,6 @@ def tie_text(one: Given, units: Units) -> str:
         parts.append(f"one every {units.length(one['spacing'])}")
     if one.get("plate"):
         parts.append(f"anchor plates of {units.length(one['plate'])}")
-    if one.get("line") is not None:
-        parts.append("fastened to every stone on its line")
     return ", ".join(parts)
 
 

@@ -11,11 +11,11 @@ from fenics_contact.errors import InputError, Vector, require
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed, require_vector, ruled
-from fenics_contact.scene.scene import DIRECTION, GRAVITY, Floor, Load, Movement
+from fenics_contact.scene.scene import DIRECTION, GRAVITY, Floor, Force, Load, Movement
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.contacts import clipped, polygon_area
 from fenics_contact.spatial.points import polygon_centroid
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.spatial.polyhedra import Block, Polyhedron
 
 #: Cosine of the largest angle between a side and the direction by which it is chosen: 1 degree.
 SAME_DIRECTION = 0.99985
@@ -245,8 +245,11 @@ def surface_loads(
         if force.sides is not None:
             given[place] = (force.sides, vector, False)
             continue
-        number = numbered(place, blocks, force.block, force.at, near)
-        at = blocks[number].centroid if force.at is None else lifted(force.at)
+        if force.x is not None:
+            number, at = _top_at(place, force, blocks, near)
+        else:
+            number = numbered(place, blocks, force.block, force.at, near)
+            at = blocks[number].centroid if force.at is None else lifted(force.at)
         yield (
             place,
             Acting(np.array([number]), at[None], vector[None], f"block {blocks[number].name}"),
@@ -259,6 +262,41 @@ def surface_loads(
         share = np.array(areas) / (1.0 if per_area else sum(areas))
         numbers = np.array([block for block, _ in found])
         yield place, Acting(numbers, np.array(centres), np.outer(share, vector), sides_told(areas))
+
+
+def inside_of(loop: Array, piece: Polyhedron, near: float) -> Array:
+    """Part of a plane loop inside of a convex body, or on a side of it."""
+    for normal, level in zip(piece.normals, piece.levels, strict=True):
+        height = loop @ normal - level
+        if np.abs(height).max(initial=0.0) <= near:  # the loop lies in this side
+            continue
+        kept = []
+        for k, high in enumerate(height):
+            before = height[k - 1]
+            if before * high < 0.0:
+                kept.append(loop[k - 1] + before / (before - high) * (loop[k] - loop[k - 1]))
+            if high <= 0.0:
+                kept.append(loop[k])
+        loop = np.array(kept).reshape(-1, 3)
+    return loop
+
+
+def _top_at(key: str, force: Force, blocks: Sequence[Block], near: float) -> tuple[int, Array]:
+    """Number of the block with the highest top at a place in plan, and the place on it, m."""
+    text = f"{key}.y: the highest side at x is meant; give either x alone, or at"
+    require(force.y is None or len(force.force) == 3, text)
+    plan = [force.x, force.y or 0.0]
+    heights = np.array([block.extent for block in blocks])[..., 2]
+    line = np.array([[*plan, z] for z in (heights.min() - 1.0, heights.max() + 1.0)])
+    tops = [
+        (float(part[:, 2].max()), number)
+        for number, block in enumerate(blocks)
+        for part in (inside_of(line, piece, near) for piece in block.pieces)
+        if len(part) and not block.fixed
+    ]
+    require(bool(tops), f"{key}: there is no block above or below ({plan[0]:g}, {plan[1]:g})")
+    height, number = max(tops)
+    return number, np.array([*plan, height])
 
 
 def sides_told(areas: Sequence[float]) -> str:

@@ -18,13 +18,11 @@ from fenics_contact.errors import InputError, Vector, require
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.scene.rules import listed
 from fenics_contact.scene.scene import Tie
-from fenics_contact.spatial.loads import UP, lifted, middle_of, numbered
-from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.loads import UP, inside_of, lifted, middle_of, numbered
+from fenics_contact.spatial.polyhedra import Block
 
 #: Number of the ground where an anchor ends, which is no block.
 GROUND = -1
-#: An end is nearer to its stone than this, in widths of the stone.
-REACH = 1.0
 
 
 @dataclass(frozen=True)
@@ -88,13 +86,7 @@ def _among(key: str, tie: Tie, blocks: Sequence[Block]) -> dict[int, Block]:
 def _between(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iterator[Bar]:
     """The bar of a tie between the blocks that are at its ends."""
     ends = _ends(key, tie)
-    numbers, wrong = [], []
-    for place, end in ends.items():
-        try:
-            numbers.append(_number(place, tie, end, blocks, near))
-        except InputError as error:
-            wrong.append(str(error))
-    require(not wrong, "; ".join(wrong))
+    numbers = [_number(place, tie, end, blocks, near) for place, end in ends.items()]
     _check_apart(key, numbers, blocks)
     yield Bar(key, tie, (numbers[0], numbers[1]), np.array(list(map(lifted, ends.values()))))
 
@@ -106,7 +98,10 @@ def _check_apart(key: str, numbers: Sequence[int], blocks: Sequence[Block]) -> N
 
 
 def _number(key: str, tie: Tie, end: Vector, blocks: Sequence[Block], near: float) -> int:
-    """Number of the block at an end: the one that it is in, or the nearest one of the group."""
+    """Number of the block at an end: the one that it is in, or the nearest one of the group.
+
+    An end is no farther away than that block is wide.
+    """
     if end is tie.ground:
         return GROUND
     if tie.group is None:
@@ -119,7 +114,7 @@ def _number(key: str, tie: Tie, end: Vector, blocks: Sequence[Block], near: floa
     nearest = min(away, key=away.__getitem__)
     width = float(np.ptp(blocks[nearest].extent, axis=0).max())
     text = f"{key}: the nearest stone of '{tie.group}', {blocks[nearest].name}, is"
-    require(away[nearest] <= REACH * width, f"{text} {away[nearest]:.3g} m away")
+    require(away[nearest] <= width, f"{text} {away[nearest]:.3g} m away")
     return nearest
 
 
@@ -147,12 +142,12 @@ def _of_plates(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iter
     for one, two, loop in pairs:
         _check_apart(key, (one, two), blocks)
         area, middle = middle_of(loop)
-        part = _part(tie, area / whole, area / whole)
+        part = part_of(tie, area / whole, area / whole)
         yield Bar(key, part, (one, two), np.array([middle, middle + line]))
 
 
-def _part(tie: Tie, share: float, stiffer: float) -> Tie:
-    """A part of a tie: of its forces, and of its stiffness."""
+def part_of(tie: Tie, share: float, stiffer: float = 1.0) -> Tie:
+    """A tie with its forces times one number, and its stiffness times another."""
     stiffness = None if tie.stiffness is None else stiffer * tie.stiffness
     forces = {"yield_": share * tie.yield_, "prestress": share * tie.prestress}
     return replace(tie, stiffness=stiffness, **forces)
@@ -161,28 +156,11 @@ def _part(tie: Tie, share: float, stiffer: float) -> Tie:
 def _covered(loop: Array, blocks: Mapping[int, Block], near: float) -> Iterator[tuple[int, Array]]:
     """Numbers of blocks and the parts of a plane loop inside of them, m, shape (corners, 3)."""
     for number, block in blocks.items():
-        for part in (_inside(loop, piece, near) for piece in block.pieces):
+        for part in (inside_of(loop, piece, near) for piece in block.pieces):
             twice = np.cross(part, np.roll(part, -1, axis=0)).sum(axis=0)
             width = np.abs(part - part[:1]).max(initial=0.0)
             if np.linalg.norm(twice) > near * width:
                 yield number, part
-
-
-def _inside(loop: Array, piece: Polyhedron, near: float) -> Array:
-    """Part of a plane loop inside of a convex body, or on a side of it."""
-    for normal, level in zip(piece.normals, piece.levels, strict=True):
-        height = loop @ normal - level
-        if np.abs(height).max(initial=0.0) <= near:  # the loop lies in this side
-            continue
-        kept = []
-        for k, high in enumerate(height):
-            before = height[k - 1]
-            if before * high < 0.0:
-                kept.append(loop[k - 1] + before / (before - high) * (loop[k] - loop[k - 1]))
-            if high <= 0.0:
-                kept.append(loop[k])
-        loop = np.array(kept).reshape(-1, 3)
-    return loop
 
 
 def _along(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iterator[Bar]:
@@ -195,7 +173,7 @@ def _along(key: str, tie: Tie, blocks: Sequence[Block], near: float) -> Iterator
     require(len(held) > 1, f"{key}: its line meets fewer than two blocks")
     length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(corners))
     for number, ((one, place), (two, other)) in enumerate(pairwise(held), 1):
-        part = _part(tie, 1.0, length / float(np.linalg.norm(other - place)))
+        part = part_of(tie, 1.0, length / float(np.linalg.norm(other - place)))
         yield Bar(f"{key}[{number}]", part, (one, two), np.array([place, other]))
 
 
@@ -208,7 +186,7 @@ def _on_line(
     found = []
     for number, block in blocks.items():
         for piece in block.pieces:
-            part = (_inside(np.array([start, end]), piece, near) - start) @ way
+            part = (inside_of(np.array([start, end]), piece, near) - start) @ way
             if len(part) and np.ptp(part) > least:
                 found.append((float(part.min()), float(part.max()), number))
     found.sort()

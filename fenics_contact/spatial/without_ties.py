@@ -19,7 +19,7 @@ from fenics_contact.spatial.limit import searched_for
 from fenics_contact.spatial.other_states import LowestOfBlocks
 from fenics_contact.spatial.question import BlockQuestion
 from fenics_contact.spatial.result import ANOTHER
-from fenics_contact.spatial.view import view_of
+from fenics_contact.spatial.ties import part_of
 
 #: Accuracy of the yield that is needed, relative, and largest multiple of the given one tried.
 PRECISION, MOST = 0.01, 64.0
@@ -39,7 +39,6 @@ class WithoutTies:
             lower state than that without; nan if not known, empty where they do not.
         needed: Yields with which a0* reaches the demand, over those given: 0 if it does so without
             ties, infinite if with none; None: no demand is given, or none was found.
-        reason: Why it is not known.
     """
 
     status: str
@@ -47,7 +46,6 @@ class WithoutTies:
     yields: tuple[float, float] = (math.nan, math.nan)
     lowest: tuple[float, ...] = ()
     needed: float | None = None
-    reason: str = ""
 
 
 class WithoutTiesAnswer(Asked):
@@ -68,11 +66,6 @@ class WithoutTiesAnswer(Asked):
         return bool(question.structure.bars)
 
     @classmethod
-    def not_known(cls, reason: str) -> Self:
-        """That it is not known what ties bring."""
-        return cls(WithoutTies("not_known", reason=reason))
-
-    @classmethod
     def run(cls, question: BlockQuestion) -> tuple[Self | None, Collapse]:
         """What ties bring to a collapse."""
         end = question.end
@@ -90,8 +83,6 @@ class WithoutTiesAnswer(Asked):
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """Load factors without and with ties, lowest states, and the yield that is needed."""
         found = self.value
-        if found.status == "not_known":
-            return [Line("what ties bring is not known:", found.reason, verbose=True)]
         factors = (found.load_factor, end.load_factor, *found.lowest)
         bare, tied, *lowest = (words.beside(one, end.load_factor, end.sign) for one in factors)
         bare = {"limit": bare, "unbounded": "no limit"}.get(found.status, "no equilibrium")
@@ -114,13 +105,9 @@ def _forces(found: WithoutTies, factor: float, units: Units) -> str:
 
 
 def _with_yields(question: BlockQuestion, factor: float) -> BlockQuestion:
-    """The collapse with yields that are multiplied; without ties for 0."""
+    """The collapse with yields and prestresses that are multiplied; without ties for 0."""
     structure, end = question.structure, question.end
-    bars = []
-    for bar in structure.bars if factor else ():
-        limit = factor * bar.tie.yield_
-        tie = replace(bar.tie, yield_=limit, prestress=min(bar.tie.prestress, limit))
-        bars.append(replace(bar, tie=tie))
+    bars = [replace(bar, tie=part_of(bar.tie, factor)) for bar in structure.bars if factor]
     structure = replace(structure, bars=tuple(bars))
     asked = question.options.asked_gap
     found, search = searched_for(structure, end.sign, asked, question.check_stop)
@@ -145,8 +132,7 @@ def _acceleration(question: BlockQuestion) -> float:
         require(end.status in known, f"with other yields {end.reason}", SolverError)
         return known[end.status]
     gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
-    view = view_of(question.structure, end)
-    check = seismic_check(view, scene.seismic, end.load_factor, gravity, push)
+    check = seismic_check(question.view, scene.seismic, end.load_factor, gravity, push)
     return math.inf if check is None else check.acceleration
 
 

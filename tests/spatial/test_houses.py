@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fenics_contact import InputError
 from fenics_contact.spatial import Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 
@@ -77,7 +78,7 @@ def test_parts_of_a_viaduct(tmp_path):
     """Fill between spandrel walls, sizes, and an axle whose force is told in kN."""
     sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0, "voussoirs": 9}
     blocks = {"builder": "viaduct", "spandrel": 0.5, **sizes}
-    on_road = {"axle": {"at": [1.0, 1.0, 1.7], "force": [0.0, 0.0, -1e5]}}
+    on_road = {"axle": {"x": 1.0, "y": 1.2, "force": [0.0, 0.0, -1e5]}}
     loads = {"dead": DEAD[3], "live": {"force": on_road}}
     rough = {"default": {"friction": 0.6}}
     tables = {"dimension": 3, "blocks": blocks, "loads": loads, "output": {"units": "m"}}
@@ -88,7 +89,31 @@ def test_parts_of_a_viaduct(tmp_path):
     assert volume["fill"] == pytest.approx(volume["spandrels"])
     low, high = np.array([b.extent for b in scene.blocks]).transpose(1, 0, 2)
     assert low.min(axis=0) == pytest.approx([-1.5, 0.0, -2.0])
-    assert high.max(axis=0) == pytest.approx([5.5, 2.0, 1.7])
+    road = 1.684621  # of an odd number of voussoirs: none has a joint at the crown
+    assert high.max(axis=0) == pytest.approx([5.5, 2.0, road])
+    (axle,) = scene.structure().acting["loads.live.force.axle"].place
+    assert axle == pytest.approx([1.0, 1.2, road])
     result = limit_load(scene)
     assert result.status == "limit"
     assert "kN" in result.summary().splitlines()[0]
+
+
+def test_an_axle_on_the_highest_side(tmp_path):
+    """A stone on two others: the force is on it where it is, on those below beside it."""
+    stones = {"left": (0, 2), "right": (2, 4)}
+    blocks = {n: {"polygon": [[a, 0], [b, 0], [b, 1], [a, 1]]} for n, (a, b) in stones.items()}
+    blocks["top"] = {"polygon": [[1, 1], [3, 1], [3, 2], [1, 2]]}
+
+    def acting(**force):
+        loads = {"dead": DEAD[2], "live": {"force": {"axle": {"force": [0.0, -1.0], **force}}}}
+        scene = Scene.from_tables({**BASE, "blocks": blocks, "loads": loads}, tmp_path)
+        one = scene.structure().acting["loads.live.force.axle"]
+        return scene.blocks[one.block[0]].name, one.place[0, 2]
+
+    assert [acting(x=x) for x in (0.5, 2.0, 3.5)] == [("left", 1.0), ("top", 2.0), ("right", 1.0)]
+    with pytest.raises(InputError, match=r"force.axle: there is no block above or below \(5, 0\)"):
+        acting(x=5.0)
+    with pytest.raises(InputError, match=r"force\.axle\.y: the highest side"):
+        acting(x=0.5, y=1.0)
+    with pytest.raises(InputError, match=r"force\.axle\.width is of scenes with a mesh"):
+        acting(x=0.5, width=1.0)
