@@ -84,10 +84,11 @@ class WithoutTiesAnswer(Asked):
         """Load factors without and with ties, lowest states, and the yield that is needed."""
         found = self.value
         factors = (found.load_factor, end.load_factor, *found.lowest)
-        bare, tied, *lowest = (words.beside(one, end.load_factor, end.sign) for one in factors)
+        between = 0.5 * sum(factors[:2])
+        bare, tied, *lowest = (words.beside(one, between, end.sign) for one in factors)
         bare = {"limit": bare, "unbounded": "no limit"}.get(found.status, "no equilibrium")
-        text = f"from {bare} to {tied} {words.unit}"
-        lines = [Line(f"ties of {_forces(found, 1.0, words.units)}:", text)]
+        head = f"ties of {_forces(found, 1.0, words.units)}:"
+        lines = [Line(head, f"from {bare} to {tied} {words.unit}")]
         if lowest:
             text = f"lowest states found: {lowest[0]} with them, {lowest[1]} without"
             lines.append(Line("ties lead to a lower state than the one without:", text))
