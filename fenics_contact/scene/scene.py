@@ -386,7 +386,9 @@ class Floor(Checked):
     mass: bool = False
     z: float | None = ruled(FINITE, None, of="space")
     group: str | None = only("blocks")
-    thrust: float | tuple[float, float] = only("blocks", 0.0)
+    thrust: float | tuple[float, float] | None = ruled(
+        rule(lambda v: bool(np.all(np.isfinite(v))), "must be finite (N/m)"), None, of="blocks"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -75,8 +75,6 @@ def tie_text(one: Given, units: Units) -> str:
         parts.append(f"prestress {force(one['prestress'])}")
     if one.get("spacing"):
         parts.append(f"one every {units.length(one['spacing'])}")
-    if one.get("plate"):
-        parts.append(f"anchor plates of {units.length(one['plate'])}")
     return ", ".join(parts)
 
 

@@ -448,8 +448,7 @@ def viaduct(
     _check_more("width", width, 2.0 * spandrel)
     drawn = section(span, rise, ring, voussoirs, spans, BridgeParts(pier=pier, cover=cover))
     whole = np.linspace(0.0, width, strips + 1)
-    middles = 0.5 * (whole[1:] + whole[:-1])
-    shifted = np.array([0.0, *middles, width]) if strips > 1 else whole
+    shifted = np.array([0.0, *(0.5 * (whole[1:] + whole[:-1])), width]) if strips > 1 else whole
     walled = np.array([0.0, spandrel, width - spandrel, width])
     blocks = []
     for number, (outline, name) in enumerate(zip(drawn.blocks, drawn.names, strict=True), 1):

@@ -190,7 +190,7 @@ def masses_of_floor(
     mass = floor.force * polygon_area(plan) / GRAVITY * area / area.sum()
     places = [[*polygon_centroid(part), height] for _, part in parts]
     masses = Masses(np.array([number for number, _ in parts]), np.array(places), mass)
-    thrust = np.atleast_1d(floor.thrust) @ np.eye(3)[: np.size(floor.thrust)]
+    thrust = np.append(floor.thrust or 0.0, [0.0, 0.0])[:3]
     pushes = np.outer(area / area.sum(), thrust * [*(high - low)[::-1], 0.0])
     return masses, Acting(masses.block, masses.position, pushes, sides_told(area.tolist()))
 
