@@ -336,10 +336,11 @@ class Follower:
                 before, after = (one.state.load_factor for one in (here, found))
                 change = abs(after - before) / scale
                 jumps = change > JUMP
-                nothing = self.bodies.driven is None and after < -NOTHING * scale and before > 0.0
-                if shortest or not (jumps or (nothing and landings < LANDINGS)):
+                passes = self.bodies.driven is None and after < -NOTHING * scale and before > 0.0
+                lands = passes and not jumps and landings < LANDINGS
+                if not lands and (shortest or not jumps):
                     return here, replace(found, change=change), used, "jump" * jumps
-                if not jumps:  # onto the place where nothing is left
+                if lands:  # onto the place where nothing is left
                     part = before / (before - after)
                     landings += 1
             elif shortest:
