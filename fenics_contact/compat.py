@@ -25,8 +25,8 @@ from fenics_contact.parallel import MPI, PETSc
 #: The C++ layer, which changes with versions.
 cpp = Lazily("dolfinx.cpp")
 
-#: Nodes of the straight-sided planar cells, by dolfinx's name.
-NODES = {"triangle": 3, "quadrilateral": 4}
+#: Nodes of the straight-sided cells, by dolfinx's name.
+NODES = {"triangle": 3, "quadrilateral": 4, "tetrahedron": 4}
 
 
 @cache
@@ -91,9 +91,9 @@ def create_mesh(
 
     Args:
         comm: Ranks.
-        cell_name: "triangle" or "quadrilateral".
+        cell_name: "triangle", "quadrilateral" or "tetrahedron".
         cells: Points of the cells given here, in gmsh order, shape (cells, nodes).
-        points: Their coordinates, shape (points, 2).
+        points: Their coordinates, shape (points, d).
         partition: Of the cells given here; None for graph partitioning.
 
     Returns:
@@ -135,13 +135,13 @@ def _created(comm: MPI.Comm, cell_name: str, cells: Any, points: Any, partitione
         # The variant is what the form compiler of dolfinx 0.5 would fill in, when it compiles a
         # form, not when it finds one compiled. Without it, every form after the first would have
         # one signature in a run that compiles and another one in the next run.
-        cell = ufl.Cell(cell_name, geometric_dimension=2)
+        cell = ufl.Cell(cell_name, geometric_dimension=points.shape[1])
         scalar = ufl.FiniteElement("Lagrange", cell, 1, variant="equispaced")
         domain = ufl.Mesh(ufl.VectorElement(scalar))
     else:
         import basix.ufl
 
-        domain = ufl.Mesh(basix.ufl.element("Lagrange", cell_name, 1, shape=(2,)))
+        domain = ufl.Mesh(basix.ufl.element("Lagrange", cell_name, 1, shape=(points.shape[1],)))
     if with_ghost_mode():
         return dolfinx_mesh.create_mesh(
             comm, cells, points, domain, dolfinx_mesh.GhostMode.none, partitioner

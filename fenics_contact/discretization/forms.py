@@ -37,8 +37,14 @@ def strain(u: Any) -> Any:
 
 
 def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
-    """sigma(u) in the plane, Pa."""
-    return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
+    """sigma(u) of displacements with two or three components, Pa."""
+    return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(len(u))
+
+
+def voigt(dimension: int) -> list[tuple[int, int]]:
+    """Places in a symmetric tensor of its components in a vector: the diagonal, then the others."""
+    every = range(dimension)
+    return [(i, i) for i in every] + [(i, j) for i in every for j in every if i < j]
 
 
 def stress_of(u: Any, law: Law) -> Any:
@@ -46,9 +52,14 @@ def stress_of(u: Any, law: Law) -> Any:
     if isinstance(law, tuple):
         return stress(u, *law)
     e = strain(u)
-    parts = e[0, 0], e[1, 1], 2.0 * e[0, 1]
-    xx, yy, xy = (sum(law[3 * i + j] * parts[j] for j in range(3)) for i in range(3))
-    return ufl.as_matrix([[xx, xy], [xy, yy]])
+    every = range(len(u))
+    places = voigt(len(u))
+    parts = [(1.0 if i == j else 2.0) * e[i, j] for i, j in places]
+    rows = [[law[len(parts) * k + n] for n in range(len(parts))] for k in range(len(parts))]
+    sigma = [sum(d * part for d, part in zip(row, parts, strict=True)) for row in rows]
+    return ufl.as_matrix(
+        [[sigma[places.index((min(i, j), max(i, j)))] for j in every] for i in every]
+    )
 
 
 def stiffness(space: Any, law: Law) -> fem.Form:
@@ -74,7 +85,7 @@ class BodyLoad:
     def __init__(self, space: Any, density: fem.Function) -> None:
         """Make the form."""
         self.density = density
-        self._force = fem.Constant(space.mesh, PETSc.ScalarType((0.0, 0.0)))
+        self._force = fem.Constant(space.mesh, PETSc.ScalarType((0.0,) * space.mesh.geometry.dim))
         v = ufl.TestFunction(space)
         self._form = fem.form(density * ufl.inner(self._force, v) * ufl.dx)
 

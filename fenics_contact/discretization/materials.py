@@ -14,35 +14,37 @@ between two radii of ratio 2 is 1/2 ln 2 F^T G^-1 F: a halving has the complianc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.discretization.forms import Law
+from fenics_contact.discretization.forms import Law, voigt
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.geometry.mesh import Array, BlockMesh
+from fenics_contact.geometry.mesh import Array, Labels
 from fenics_contact.lazily import fem, ufl
+from fenics_contact.parallel import MPI
 from fenics_contact.scene.scene import Material, Scene, StressLaw
 
 #: Points of Gauss' rule over a wedge: E(t) may change a hundredfold.
 POINTS = 96
 #: By how much a law may miss linearity and symmetry, relative: rounding.
 ROUNDING = 1e-9
-#: Strains e_xx, e_yy, 2 e_xy at which a law is asked.
-STRAINS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -2.0, 3.0]])
+#: Strains at which a law is asked, by dimension: those of 1 alone, and one of all components.
+MIXED = (1.0, -2.0, 3.0, -4.0, 5.0, -6.0)
+STRAINS = {d: np.vstack([np.eye(n), MIXED[:n]]) for d, n in ((2, 3), (3, 6))}
 #: Of messages: whose law it is.
 OF = "stress: the law of material '{}'"
 #: Of messages: what a function must give.
 FAILS = (
-    "fails: it must give a symmetric 2 x 2 UFL tensor of (strain, material), or of (strain,"
+    "fails: it must give a symmetric {0} x {0} UFL tensor of (strain, material), or of (strain,"
     " material, x) where it depends on the place x"
 )
 
 
-def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
+def asked(law: StressLaw, material: Material, name: str, place: Any, dimension: int = 2) -> Any:
     """Stresses of a material at `STRAINS` as a UFL vector, tensor after tensor, row after row.
 
     Args:
@@ -50,35 +52,40 @@ def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
         material: What it is asked for.
         name: The material's, for messages.
         place: The place in the blocks as UFL has it, m; None: the law must not ask for it.
+        dimension: 2 or 3.
 
     Raises:
         InputError: If the law fails, or gives no tensors.
     """
     try:
         more = () if place is None or compat.arguments_of(law) < 3 else (place,)
-        strains = [
-            ufl.as_matrix([[xx, 0.5 * xy], [0.5 * xy, yy]]) for xx, yy, xy in STRAINS.tolist()
-        ]
-        tensors = [law(strain, material, *more) for strain in strains]
+        shape = dimension, dimension
+        tensors = []
+        for parts in STRAINS[dimension]:
+            strain = np.zeros(shape)
+            for (i, j), part in zip(voigt(dimension), parts, strict=True):
+                strain[i, j] += 0.5 * part
+                strain[j, i] += 0.5 * part
+            tensors.append(law(ufl.as_matrix(strain.tolist()), material, *more))
         for sigma in tensors:
-            if ufl.shape(sigma) != (2, 2):
+            if ufl.shape(sigma) != shape:
                 raise ValueError(f"it has the shape {ufl.shape(sigma)}")
-        rows = [sigma[i, j] for sigma in tensors for i in range(2) for j in range(2)]
-        return ufl.as_vector(rows)
+        return ufl.as_vector([sigma[place] for sigma in tensors for place in np.ndindex(shape)])
     except Exception as error:  # of a function of the user
-        raise InputError(f"{OF.format(name)} {FAILS} ({type(error).__name__}: {error})") from error
+        fails = FAILS.format(dimension)
+        raise InputError(f"{OF.format(name)} {fails} ({type(error).__name__}: {error})") from error
 
 
 def checked_matrices(stresses: Array, name: str, places: Array | None = None) -> Array:
-    """D, Pa, from values of `asked`: (s_xx, s_yy, s_xy) = D (e_xx, e_yy, 2 e_xy).
+    """D, Pa, from values of `asked`: (s_xx, s_yy, s_xy) = D (e_xx, e_yy, 2 e_xy), see `voigt`.
 
     Args:
-        stresses: Shape (cells, 16).
+        stresses: Shape (cells, 16); in space (cells, 63).
         name: The material's, for messages.
-        places: The cells' centres, m, shape (cells, 2); None where the law is one for all.
+        places: The cells' centres, m, shape (cells, d); None where the law is one for all.
 
     Returns:
-        Shape (cells, 3, 3).
+        Shape (cells, 3, 3); in space (cells, 6, 6).
 
     Raises:
         InputError: If the law is not that of a linear elastic material.
@@ -89,17 +96,18 @@ def checked_matrices(stresses: Array, name: str, places: Array | None = None) ->
             return
         cell = int(np.argmax(wrong))
         matrix = "" if told is None else f": {told[cell].tolist()}"
-        here = "" if places is None else " at ({:.6g}, {:.6g})".format(*places[cell])
+        here = "" if places is None else f" at ({', '.join(f'{x:.6g}' for x in places[cell])})"
         raise InputError(f"{OF.format(name)} {words}{here}{matrix}")
 
-    tensors = stresses.reshape(-1, len(STRAINS), 2, 2)
+    d = 2 if stresses.shape[1] == 16 else 3
+    tensors = stresses.reshape(-1, len(STRAINS[d]), d, d)
     size = np.abs(tensors).max(axis=(1, 2, 3))
     refuse(~np.isfinite(size), "is not linear in the strain: it gives what is no finite number")
-    apart = np.abs(tensors[..., 0, 1] - tensors[..., 1, 0]).max(axis=1)
-    refuse(apart > ROUNDING * size, f"{FAILS}, and it is not symmetric")
-    stress = np.stack([tensors[..., 0, 0], tensors[..., 1, 1], tensors[..., 0, 1]], axis=2)
-    matrix = np.swapaxes(stress[:, :3], 1, 2)
-    apart = np.abs(stress[:, 3] - matrix @ STRAINS[3]).max(axis=1)
+    apart = np.abs(tensors - np.swapaxes(tensors, 2, 3)).max(axis=(1, 2, 3))
+    refuse(apart > ROUNDING * size, f"{FAILS.format(d)}, and it is not symmetric")
+    stress = np.stack([tensors[..., i, j] for i, j in voigt(d)], axis=2)
+    matrix = np.swapaxes(stress[:, :-1], 1, 2)
+    apart = np.abs(stress[:, -1] - matrix @ STRAINS[d][-1]).max(axis=1)
     refuse(apart > ROUNDING * size, "is not linear in the strain")
     apart = np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2))
     refuse(apart > ROUNDING * size, "has no energy: its matrix is not symmetric", matrix)
@@ -142,25 +150,47 @@ def displacement_space(scene: Scene) -> Any:
 def stress_law(scene: Scene) -> Law:
     """Stress by strain in every cell, by the materials: Lame's numbers, or D. Collective."""
     if scene.stress:
-        return _given_law(scene, scene.stress)
-    nus = 2.0 if scene.plane == "strain" else 1.0
-    first = material_field(
-        scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
-    )
-    return first, material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson)), first)
+        mesh = scene.mesh
+        names = np.array([scene.material_name(groups) for groups in mesh.cell_sets])
+        parts = mesh.domain, names, mesh.cell_groups, scene.materials
+        return given_law(scene.stress, *parts, scene.comm)
+    first = material_field(scene, lambda material: lame_numbers(material, scene.plane)[0])
+    return first, material_field(scene, lambda m: lame_numbers(m, scene.plane)[1], first)
 
 
-def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
-    """D of the cells by a law of the user. Collective.
+def lame_numbers(material: Material, plane: str = "strain") -> tuple[float, float]:
+    """Lame's lambda, of the plane state, and mu, Pa; those of plane strain are those of space."""
+    nu = material.poisson
+    nus = 2.0 if plane == "strain" else 1.0
+    first = material.young * nu / ((1.0 + nu) * (1.0 - nus * nu))
+    return first, material.young / (2.0 * (1.0 + nu))
+
+
+def given_law(
+    law: StressLaw,
+    domain: Any,
+    names: Any,
+    of_cell: Labels,
+    materials: Mapping[str, Material],
+    comm: MPI.Comm,
+) -> fem.Function:
+    """D of cells by a law of the user. Collective.
+
+    Args:
+        law: That of the user.
+        domain: Mesh.
+        names: Names of materials, all that any rank has, shape (names,).
+        of_cell: Numbers of these in this rank's cells, shape (cells,).
+        materials: By name.
+        comm: Ranks of the mesh.
 
     Raises:
         InputError: On all ranks, if the law is not that of linear elastic materials.
     """
-    mesh = scene.mesh
-    place = ufl.SpatialCoordinate(mesh.domain)
-    names = np.array([scene.material_name(groups) for groups in mesh.cell_sets])
-    with raised_together(scene.comm):
-        stresses = {str(n): asked(law, scene.materials[n], n, place) for n in np.unique(names)}
+    d = domain.geometry.dim
+    place = ufl.SpatialCoordinate(domain)
+    with raised_together(comm):
+        stresses = {str(n): asked(law, materials[n], n, place, d) for n in np.unique(names)}
         varies = {}
         for name, given in stresses.items():
             domains: set[Any] = set()
@@ -173,38 +203,40 @@ def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
                     " (strain, material, x)"
                 )
             varies[name] = bool(domains)
-    space = compat.function_space(mesh.domain, "DG", 0, (9,))
-    rows = np.zeros((len(mesh.cell_groups), 9))
+    size = len(voigt(d)) ** 2
+    space = compat.function_space(domain, "DG", 0, (size,))
+    rows = np.zeros((len(of_cell), size))
     for name, given in stresses.items():
-        cells = names[mesh.cell_groups] == name
+        cells = names[of_cell] == name
         # The cells' centres tell where a law is refused.
-        found = _in_cells(mesh, [*given, *place])[cells] if varies[name] else None
-        with raised_together(scene.comm):
+        found = _in_cells(domain, comm, [*given, *place])[cells] if varies[name] else None
+        with raised_together(comm):
             if found is not None:
-                matrices = checked_matrices(found[:, :-2], name, found[:, -2:])
+                matrices = checked_matrices(found[:, :-d], name, found[:, -d:])
             else:
                 try:
-                    values = [float(given[k](())) for k in range(4 * len(STRAINS))]
+                    values = [float(part(())) for part in given]
                 except Exception as error:  # of UFL, for what a user gave
                     told = f"{type(error).__name__}: {error}"
-                    raise InputError(f"{OF.format(name)} {FAILS} ({told})") from error
+                    fails = FAILS.format(d)
+                    raise InputError(f"{OF.format(name)} {fails} ({told})") from error
                 matrices = checked_matrices(np.array([values]), name)
-            rows[cells] = matrices.reshape(-1, 9)
+            rows[cells] = matrices.reshape(-1, size)
     field = fem.Function(space, name="law")
-    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = rows
+    field.x.array.reshape(-1, size)[compat.cell_dofs(space)[:, 0]] = rows
     return field
 
 
-def _in_cells(mesh: BlockMesh, values: Sequence[Any]) -> Array:
+def _in_cells(domain: Any, comm: MPI.Comm, values: Sequence[Any]) -> Array:
     """UFL values at the centres of this rank's cells, shape (cells, values). Collective.
 
     Raises:
         InputError: If they cannot be compiled.
     """
-    space = compat.function_space(mesh.domain, "DG", 0, (len(values),))
+    space = compat.function_space(domain, "DG", 0, (len(values),))
     field = fem.Function(space)
     # dolfinx compiles on rank 0, while the others wait.
-    cache = compat.form_cache() if mesh.comm.rank == 0 else nullcontext()
+    cache = compat.form_cache() if comm.rank == 0 else nullcontext()
     try:
         with compat.quiet_compiler(), cache:
             points = compat.interpolation_points(space)
@@ -230,13 +262,13 @@ def law_matrices(law: Law) -> Array:
 
 
 def cell_field(
-    mesh: BlockMesh, name: str, values: Array, like: fem.Function | None = None
+    domain: Any, name: str, values: Array, like: fem.Function | None = None
 ) -> fem.Function:
     """Function that is constant in every cell, from the local cells' values.
 
     It is on the space of another one where one is given.
     """
-    space = like.function_space if like else compat.function_space(mesh.domain, "DG", 0)
+    space = like.function_space if like else compat.function_space(domain, "DG", 0)
     field = fem.Function(space, name=name)
     field.x.array[compat.cell_dofs(space)[:, 0]] = values
     return field
@@ -247,4 +279,4 @@ def material_field(
 ) -> fem.Function:
     """A value of the materials, constant by cell; see `cell_field`."""
     values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
-    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups], like)
+    return cell_field(scene.mesh.domain, "material", np.array(values)[scene.mesh.cell_groups], like)

@@ -131,7 +131,7 @@ def write_blocks(
     columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
     columns |= {"body": mesh.body, "material": material_numbers(layout)[mesh.cell_groups]}
     functions = [displacement_function(layout, u, name) for name, u in moving.items()]
-    functions += [cell_field(mesh, name, value) for name, value in columns.items()]
+    functions += [cell_field(mesh.domain, name, value) for name, value in columns.items()]
     _write(path, comm, [(0.0, functions)], [numbers])
 
 
