@@ -231,6 +231,7 @@ class BlockView:
         way: After the peak: displacements, m, what is carried, and true poses of all blocks, their
             shifts, m, and vectors of their rotations, shape (blocks, 6); empty if it is not known.
         way_unit: Behind what is carried.
+        stresses: Largest "pressure" and "tension" of blocks, Pa, shape (blocks,); empty: not known.
     """
 
     bodies: Bodies
@@ -246,6 +247,7 @@ class BlockView:
     suffix: str = ""
     way: Sequence[tuple[float, float, Array]] = ()
     way_unit: str = ""
+    stresses: Mapping[str, Array] = field(default_factory=dict)
 
     def scaled(self) -> Self:
         """The same, with a largest displacement of a corner of 8 % of the structure's size."""

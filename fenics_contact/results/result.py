@@ -540,6 +540,19 @@ class ByDirection(ABC):
         """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
         return float("nan") if self.negative is None else self.negative.load_factor
 
+    def __getattr__(self, name: str) -> Any:
+        """The value of an answer of the collapse that fields show, by its name or its key.
+
+        None where it was not asked for. Of answers by direction those of all limits, by direction.
+        """
+        for kind in Answer.kinds.values():
+            if name in (kind.name, kind.key):
+                if kind.by_direction:
+                    found = {n: end.answers.get(kind.name) for n, end in self.limits.items()}
+                    return {n: one.value for n, one in found.items() if one is not None}
+                return None if self.collapse is None else getattr(self.collapse, kind.name)
+        raise AttributeError(f"a result has no '{name}'")
+
     def suffix(self, direction: str) -> str:
         """What names of files of a direction have behind them."""
         return "_negative" if direction == "negative" and len(self.ends) == 2 else ""
@@ -739,19 +752,6 @@ class Result(ByDirection):
     def states(self) -> tuple[CollapseState, ...]:
         """Collapse states that were found with their gaps, that of the path or by faces first."""
         return () if self.collapse is None else self.collapse.states
-
-    def __getattr__(self, name: str) -> Any:
-        """The value of an answer of the collapse that fields show, by its name or its key.
-
-        None where it was not asked for. Of answers by direction those of all limits, by direction.
-        """
-        for kind in Answer.kinds.values():
-            if name in (kind.name, kind.key):
-                if kind.by_direction:
-                    found = {n: end.answers.get(kind.name) for n, end in self.limits.items()}
-                    return {n: one.value for n, one in found.items() if one is not None}
-                return None if self.collapse is None else getattr(self.collapse, kind.name)
-        raise AttributeError(f"a result has no '{name}'")
 
     def with_brackets(self) -> Self:
         """The result with all brackets solved for, and what they say; no status changes.

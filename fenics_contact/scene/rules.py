@@ -33,6 +33,7 @@ OF = {
     "blocks": "of rigid blocks: [blocks] in place of [mesh], of the same file",
     "plane": "of scenes in the plane",
     "space": "of scenes in space; heights in the plane are y",
+    "elastic": "of scenes with a mesh, or in space",
 }
 
 

@@ -84,7 +84,7 @@ SAME_ANGLE = 1e-5
 ROUNDING = 1e-9
 #: Fields of scenes and their files that are not alike.
 APART = (
-    *("mesh", "blocks", "plane", "degree", "dimension", "thickness", "read", "notes"),
+    *("mesh", "blocks", "plane", "degree", "dimension", "thickness", "read", "notes", "mesh_size"),
     *("loads", "live", "dead"),
 )
 #: 1 g, m/s2: of loads that are given by their direction, and of the mass of a floor.
@@ -124,14 +124,18 @@ class Material(Checked):
         poisson: Poisson's ratio.
         density: kg/m3.
         compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
+        tensile_strength: Of the stone, Pa: `output.stress` warns of larger tensions.
     """
 
     young: float = ruled(
         rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size), 5e9
     )
-    poisson: float = ruled(rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2, of="mesh")
+    poisson: float = ruled(
+        rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2, of="elastic"
+    )
     density: float = ruled(NOT_NEGATIVE, 0.0)
     compressive_strength: float | None = ruled(STRENGTH, None)
+    tensile_strength: float | None = ruled(STRENGTH, None, of="space")
 
 
 @dataclass(frozen=True)
@@ -652,6 +656,7 @@ class OutputOptions(Checked):
             "m": kN, MPa and m in both; "mm": likewise with lengths in mm. Files are in SI units.
         control: Place of the control point of `solve.beyond`, m; None: the highest corner that
             moves.
+        stress: Stresses in the blocks under the forces of the collapse, by finite elements.
     """
 
     paraview: bool = True
@@ -661,6 +666,7 @@ class OutputOptions(Checked):
     report: bool = False
     units: str = "SI"
     control: Vector | None = ruled(require_vector, None, of="blocks")
+    stress: bool = only("space", False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -742,7 +748,7 @@ class Shared(_Own):
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds that the scene is of, see `scene.rules.OF`."""
-        return "mesh", "plane"
+        return "mesh", "plane", "elastic"
 
     def check_parts(self) -> None:
         """Refuse what a scene of its kinds does not take."""

@@ -155,12 +155,14 @@ class ReadBlocks(NamedTuple):
         told: How many a file names, how many were read.
         notes: What of a file was left out, or taken otherwise than written.
         sides: Names of sides that a drawing gives, and lines on which they lie.
+        size: Length of edges of tetrahedra, m; None: by the blocks.
     """
 
     blocks: tuple[Block, ...]
     told: str = ""
     notes: tuple[str, ...] = ()
     sides: Mapping[str, Any] = {}
+    size: float | None = None
 
 
 def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> ReadBlocks:
@@ -173,12 +175,14 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> R
     axes = tuple("xyz"[:dimension])
     up = given.pop("up") if isinstance(given.get("up"), str) else axes[-1]
     require(up in axes, f"blocks.up = '{up}' must be one of {listed(axes)}")
+    size = None if isinstance(given.get("size"), Mapping) else given.pop("size", None)
     if isinstance(given.get("file"), str) or isinstance(given.get("builder"), str):
         read = _made(given, folder, dimension == 2)
     else:
         kind: Any = _Polygon if dimension == 2 else _Block
         shapes = {name: from_table(kind, item, f"blocks.{name}") for name, item in given.items()}
         read = ReadBlocks(tuple(shape.block(name) for name, shape in shapes.items()))
+    read = read._replace(size=size)
     return read if up == axes[-1] else _upright(read, *UPWARDS[up])
 
 

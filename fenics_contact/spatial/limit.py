@@ -25,6 +25,7 @@ from fenics_contact.collapse.reasons import within
 from fenics_contact.errors import Stopped, checked, require
 from fenics_contact.faces.limit import WAYS_OF_BLOCKS, FaceSearch
 from fenics_contact.limit_load import Monitor
+from fenics_contact.requirements import check_requirements
 from fenics_contact.results.history import trials
 from fenics_contact.results.result import Collapse, up_to
 from fenics_contact.search_options import SEARCH
@@ -35,14 +36,14 @@ from fenics_contact.spatial.result import named
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.standing import state_of, wedged_blocks
 from fenics_contact.spatial.structure import Structure
-from fenics_contact.workers import asked_to_stop, ranks_of
+from fenics_contact.workers import InPlace, asked_to_stop, ranks_of
 
 _log = logging.getLogger("fenics_contact")
 
 UNLIMITED = "nothing limits the live load"
 #: Modules of answers, each of which registers its own. They stand on this one.
 ANSWERS = (
-    *("motion.answer", "spatial.along_path", "spatial.other_states"),
+    *("motion.answer", "elastic.answer", "spatial.along_path", "spatial.other_states"),
     *("spatial.upper_end", "spatial.without_ties"),
 )
 
@@ -69,6 +70,8 @@ def limit_load(
         InputError: If laws or loads do not fit the blocks.
     """
     start = time.perf_counter()
+    if scene.output.stress:
+        check_requirements()
     structure = scene.structure()
     pushed = structure.live[structure.number >= 0]
     require(bool(np.any(pushed)), "loads.live: the live load is zero on every block that moves")
@@ -82,7 +85,7 @@ def limit_load(
         return workers.submit(solved, structure, scene, name)
 
     def solve(name: str, own: Executor) -> Collapse:
-        return solved(structure, scene, name, check_stop, tell)
+        return solved(structure, scene, name, check_stop, tell, workers=own)
 
     found = in_directions(scene.solve.direction, beside, begin, solve, check_stop)
     total = time.perf_counter() - start
@@ -108,6 +111,7 @@ def solved(
     check_stop: Callable[[], None] | None = None,
     tell: Callable[[str], None] = lambda text: None,
     stands: bool = False,
+    workers: Executor | None = None,
 ) -> Collapse:
     """A task: the collapse in one direction with all that the scene asks for.
 
@@ -122,6 +126,7 @@ def solved(
     if search is None:
         return end
     parts: dict[str, Any] = {"structure": structure, "search": search, "check_stop": check_stop}
+    parts["workers"] = workers or InPlace()
     before = search.equations.factorizations
     end = answered(BlockQuestion(scene=scene, end=end, **parts), tell, {})
     spent = search.equations.factorizations - before  # on the path that led to it

@@ -118,12 +118,14 @@ class Acting:
         place: m, shape (forces, 3).
         force: N, shape (forces, 3).
         on: What they act on, in words; empty for body forces.
+        sides: Corners of the sides over which each is spread, m; none where they act at places.
     """
 
     block: Indices
     place: Array
     force: Array
     on: str
+    sides: Sequence[Array] = ()
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,9 @@ def masses_of_floor(
     masses = Masses(np.array([number for number, _ in parts]), np.array(places), mass)
     thrust = np.append(floor.thrust or 0.0, [0.0, 0.0])[:3]
     pushes = np.outer(area / area.sum(), thrust * [*(high - low)[::-1], 0.0])
-    return masses, Acting(masses.block, masses.position, pushes, sides_told(area.tolist()))
+    sides_of = [np.insert(part, 2, height, axis=1) for _, part in parts]
+    told = sides_told(area.tolist())
+    return masses, Acting(masses.block, masses.position, pushes, told, sides_of)
 
 
 def _fan(corners: Array) -> Array:
@@ -261,7 +265,9 @@ def surface_loads(
         areas, centres = zip(*(middle_of(corners) for _, corners in found), strict=True)
         share = np.array(areas) / (1.0 if per_area else sum(areas))
         numbers = np.array([block for block, _ in found])
-        yield place, Acting(numbers, np.array(centres), np.outer(share, vector), sides_told(areas))
+        forces = np.outer(share, vector)
+        sides_of = [corners for _, corners in found]
+        yield place, Acting(numbers, np.array(centres), forces, sides_told(areas), sides_of)
 
 
 def inside_of(loop: Array, piece: Polyhedron, near: float) -> Array:

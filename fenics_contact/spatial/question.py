@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
 
 from fenics_contact.answers.question import Question
 from fenics_contact.faces.follow import Followed
@@ -11,6 +12,7 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.view import view_of
+from fenics_contact.workers import InPlace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +23,13 @@ class BlockQuestion(Question):
         structure: The blocks.
         search: What led to the collapse.
         check_stop: May raise `Stopped`.
+        workers: Do tasks beside this process.
     """
 
     structure: Structure
     search: FaceSearch
     check_stop: Callable[[], None] = lambda: None
+    workers: Executor = field(default_factory=InPlace)
 
     @property
     def view(self) -> BlockView:

@@ -23,6 +23,7 @@ from fenics_contact.scene.rules import (
     POSITIVE,
     Checked,
     listed,
+    only,
     require_fit,
     require_vector,
     rule,
@@ -34,6 +35,7 @@ from fenics_contact.scene.scene import (
     Load,
     Material,
     OfFile,
+    StressLaw,
     Tables,
 )
 from fenics_contact.scene.toml_tables import as_mapping, from_table
@@ -128,6 +130,9 @@ class BlockScene(OfFile):
         seismic: What the seismic check of the mechanism needs.
         tolerance: Sides touch that are as near as this, m, and blocks may overlap by it; None: a
             part of their thickness.
+        mesh_size: In space length of edges of tetrahedra, for stresses, m, `blocks.size` in files;
+            None: half of a block's thickness.
+        stress: In space, and in Python only: see `scene.scene.Scene`.
         title: Of pictures and result.
         dimension: 3, or 2: of blocks that are prisms a metre deep, moving in the plane x-z.
         thickness: Of a structure in the plane, m, for forces that people read; see `Units`.
@@ -142,6 +147,8 @@ class BlockScene(OfFile):
     foundations: Mapping[str, Foundation] = field(default_factory=dict)  # type: ignore[assignment]
     sides: Mapping[str, Sides] = field(default_factory=dict)
     tolerance: float | None = ruled(POSITIVE, None)
+    mesh_size: float | None = ruled(POSITIVE, None, of="space")
+    stress: StressLaw | None = only("space")
     dimension: int = ruled(rule(lambda d: d in (2, 3), "must be 2 or 3"), 3)
     thickness: float | None = None
     read: str = ""
@@ -162,6 +169,8 @@ class BlockScene(OfFile):
                 (f"{key}.between", places, "must be two groups or blocks"),
                 (f"{key}.tensile_strength", crushes, "joints that crush carry none; leave it out"),
             ]
+        quick = self.output.stress and self.solve.quick
+        refused.append(("output.stress", quick, "needs forces all over contacts; no solve.quick"))
         for key, wrong, text in refused:
             require(not wrong, f"{key}: {text}")
         self.check_loads()
@@ -169,7 +178,7 @@ class BlockScene(OfFile):
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds that the scene is of, see `scene.rules.OF`."""
-        return "blocks", "plane" if self.dimension == 2 else "space"
+        return ("blocks", "plane") if self.dimension == 2 else ("blocks", "space", "elastic")
 
     @property
     def units(self) -> Units:
@@ -206,6 +215,7 @@ class BlockScene(OfFile):
             dimension=tables.dimension,
             read=read.told,
             notes=read.notes,
+            mesh_size=read.size,
             **shared,
         )
 
@@ -236,7 +246,8 @@ class BlockScene(OfFile):
         factors = factors_of(self.live, pushed.position @ self._up - foot, pushed.mass)
         dead = dict(surface_loads("loads.dead", self.dead, blocks, self.sides, near))
         for name, (mass, thrust) in floors.items():
-            dead[f"floors.{name}"] = mass.acting(-GRAVITY * UP, on=thrust.on)
+            weight = mass.acting(-GRAVITY * UP, on=thrust.on)
+            dead[f"floors.{name}"] = replace(weight, sides=thrust.sides)
             if np.any(thrust.force):
                 dead[f"floors.{name}.thrust"] = thrust
         live = dict(surface_loads("loads.live", self.live, blocks, self.sides, near))

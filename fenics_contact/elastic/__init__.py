@@ -1,0 +1,1 @@
+"""Elastic blocks in space: meshes of tetrahedra, and stresses under forces that are certified."""

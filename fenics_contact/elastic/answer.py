@@ -1,0 +1,157 @@
+"""Stresses in blocks in space as an answer of a collapse: under the forces of its own state."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from fenics_contact.answers.question import Asked
+from fenics_contact.elastic.files import draw_stresses, write_stresses
+from fenics_contact.elastic.stresses import (
+    BlockStresses,
+    material_name,
+    sorted_blocks,
+    stressed_blocks,
+)
+from fenics_contact.output.folder import going_on
+from fenics_contact.results.block_view import BlockView
+from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.values import listed_blocks
+from fenics_contact.results.wording import Line, Wording
+from fenics_contact.scene.scene import OutputOptions
+from fenics_contact.scene.units import Units
+from fenics_contact.spatial.question import BlockQuestion
+from fenics_contact.workers import result_of, workers_of
+
+_log = logging.getLogger("fenics_contact")
+
+#: Title of its table, and of its picture.
+TITLE = "Stresses under the forces of this state"
+#: What is told of a block.
+KINDS = "pressure", "tension"
+#: Digits of stresses: finite elements have no more.
+DIGITS = 3
+#: Rows of the table at most.
+ROWS = 12
+#: A block whose forces miss balance by more, over the largest, is not on its mesh.
+UNBALANCED = 1e-2
+#: What the numbers are.
+NOTE = (
+    "Other forces of these blocks may be in equilibrium, too. Where joints open, pressure is spread"
+    " over the areas of their points; at sharp edges it grows as the mesh gets finer."
+)
+
+
+class StressAnswer(Asked):
+    """Stresses in the blocks, a `BlockStresses`."""
+
+    value: BlockStresses
+    name = key = "stress"
+    place = 10
+    begins = "stresses"
+    seconds = "stresses"
+    asks = BlockQuestion
+    with_fast = True
+
+    @classmethod
+    def concerns(cls, question: BlockQuestion) -> bool:
+        """Whether the scene asks for it."""
+        return bool(question.scene.output.stress) and question.end.force is not None
+
+    @classmethod
+    def run(cls, question: BlockQuestion) -> tuple[Self | None, Collapse]:
+        """Stresses by finite elements; workers share the blocks."""
+        scene, structure, end = question.scene, question.structure, question.end
+        shapes = sorted_blocks(scene, structure)
+        share = workers_of(question.workers) + 1
+        state = Collapse(load_factor=end.load_factor, force=end.force, tension=end.tension)
+        parts = [[shape[k::share] for shape in shapes if shape[k:]] for k in range(share)]
+        given = scene, structure, state
+        tasks = [question.workers.submit(stressed_blocks, *given, part) for part in parts[1:]]
+        found, missed = stressed_blocks(*given, parts[0])
+        for task in tasks:
+            others, further = result_of(task, question.check_stop)
+            found += others
+            missed |= further
+        off = [one.block for one in found if one.missing > UNBALANCED]
+        missed |= dict.fromkeys(off, "its forces do not balance on its mesh")
+        found = sorted((one for one in found if one.block not in missed), key=lambda one: one.block)
+        names = tuple(block.name or str(k) for k, block in enumerate(structure.blocks))
+        exceeded = {}
+        for one in found:
+            strength = scene.materials[material_name(scene, structure, one.block)].tensile_strength
+            if strength is not None and one.tension[0] > strength:
+                exceeded[names[one.block]] = one.tension[0], strength
+        value = BlockStresses(
+            tuple(found), names, {names[k]: why for k, why in missed.items()}, exceeded
+        )
+        for text in _warnings(value, scene.units):
+            _log.warning("warning: %s", text)
+        return cls(value), end
+
+    def lines(self, end: Collapse, words: Wording) -> list[Line]:
+        """The largest pressure and tension, and what is not known."""
+        told = [Line("", text) for text in _warnings(self.value, words.units)]
+        if not self.value.blocks:
+            return [Line("stresses:", "not known"), *told]
+        parts = []
+        for kind in KINDS:
+            most = max(self.value.blocks, key=attrgetter(kind))
+            stress, place = getattr(most, kind)
+            where = f"in '{self.value.names[most.block]}' at {words.units.place(place)}"
+            parts.append(f"{kind} up to {words.units.stress(stress, DIGITS)} {where}")
+        return [Line("stresses:", f"{', '.join(parts)}, under these forces"), *told]
+
+    def table(self, end: Collapse, words: Wording) -> Table:
+        """The blocks that are pressed or pulled most."""
+        value, units = self.value, words.units
+        most = sorted(value.blocks, key=lambda one: -max(one.pressure, one.tension)[0])[:ROWS]
+        rows = []
+        for one in most:
+            pairs = (getattr(one, kind) for kind in KINDS)
+            cells = [(units.stress(stress, DIGITS), units.place(place)) for stress, place in pairs]
+            rows.append((value.names[one.block], *cells[0], *cells[1]))
+        head = "block", "largest pressure", "where", "largest tension", "where"
+        return Table(rows, TITLE, head, " ".join([*_warnings(value, units), NOTE]))
+
+    def record(self) -> dict[str, Any]:
+        """Largest pressures and tensions of the blocks, Pa, with their places, m."""
+        value = self.value
+        blocks = {
+            value.names[one.block]: {k: getattr(one, k) for k in KINDS} for one in value.blocks
+        }
+        return {"blocks": blocks, "missed": value.missed, "exceeded": value.exceeded}
+
+    def seen(self, view: BlockView) -> BlockView:
+        """Its viewer colours blocks by pressure and tension."""
+        values = {kind: np.zeros(len(view.motion)) for kind in KINDS}
+        for one in self.value.blocks:
+            for kind, of_blocks in values.items():
+                of_blocks[one.block] = getattr(one, kind)[0]
+        return replace(view, stresses=values)
+
+    def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
+        """Write what is asked for of stresses.vtu and stresses.png."""
+        if output.paraview:
+            write_stresses(self.value, folder / f"stresses{view.suffix}.vtu")
+        if output.pictures:
+            with going_on([]):
+                draw_stresses(self.value, view, folder, output.formats)
+
+
+def _warnings(value: BlockStresses, units: Units) -> Iterator[str]:
+    """Tensions beyond the strength of the stone, and blocks without stresses, in words."""
+    if value.exceeded:
+        worst = sorted(value.exceeded, key=lambda name: -value.exceeded[name][0])
+        tension, strength = value.exceeded[worst[0]]
+        text = f"above the tensile strength of {units.stress(strength)}: it cracks, or needs iron"
+        yield f"tension of {units.stress(tension)} {listed_blocks(worst, 'have')} {text}"
+    if value.missed:
+        name, why = next(iter(value.missed.items()))
+        yield f"no stresses: {listed_blocks([*value.missed], 'have none')}; of '{name}': {why}"

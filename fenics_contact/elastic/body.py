@@ -1,0 +1,204 @@
+"""Linear elasticity of a block by UFL, on tetrahedra, under forces that balance each other.
+
+    K u = g,   R^T g = 0,
+
+R the rigid motions. K has their kernel: u is that displacement of which R^T M u = 0, M the mass
+matrix of a density of 1. What misses balance, the residual of contact forces and what moves them
+onto the sides of the mesh, is spread as a body force: g - M R (R^T M R)^-1 R^T g (inertia relief).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fenics_contact import compat
+from fenics_contact.discretization import forms
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.lazily import fem, fem_petsc, ufl
+from fenics_contact.parallel import MPI
+
+#: Corners of a tetrahedron that are those of its sides.
+SIDES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+
+
+class ElasticBody:
+    """A meshed block with its stiffness.
+
+    Attributes:
+        points: Corners of cells, m, shape (points, 3).
+        cells: Numbers of these, shape (cells, 4).
+        nodes: Of displacements, m, shape (nodes, 3).
+        stiffness: K, N/m, sparse, shape (3 nodes, 3 nodes).
+        mass: Of a density of 1, m3, sparse, shape (nodes, nodes).
+        rigid: R, the motions along and about the axes through the centroid; rotations times the
+            radius of gyration, m, shape (3 nodes, 6).
+    """
+
+    def __init__(
+        self, points: Array, cells: Indices, law: Callable[[Any], Any], degree: int = 2
+    ) -> None:
+        """Assemble K and M.
+
+        Args:
+            points: Corners of tetrahedra, m, shape (points, 3).
+            cells: Numbers of these, shape (cells, 4).
+            law: Gives the law of a mesh, see `forms.Law`.
+            degree: Of displacements, 1 or 2.
+        """
+        here = compat.Partition.to(np.zeros(len(cells), dtype=np.int32))
+        with compat.quiet_compiler(), compat.form_cache():
+            domain, _ = compat.create_mesh(
+                MPI.COMM_SELF, "tetrahedron", cells.astype(np.int64), points, here
+            )
+            space = compat.function_space(domain, "Lagrange", degree, (3,))
+            self._law = law(domain)
+            u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+            mass = fem.form(ufl.inner(u, v) * ufl.dx)
+            self.stiffness = _assembled(forms.stiffness(space, self._law))
+            self.mass = _assembled(mass)[::3, ::3]
+            self._set_stresses(space, degree)
+        self.points = np.array(domain.geometry.x)
+        self.cells = compat.geometry_dofs(domain).astype(np.int64)
+        self.nodes = np.array(space.tabulate_dof_coordinates())
+        self.cell_nodes = compat.cell_dofs(space).astype(np.int64)
+        self._at = _barycentric(compat.interpolation_points(space))
+        corner = np.insert(self.points[self.cells], 0, 1.0, axis=2)
+        self._inverse = np.linalg.inv(corner).transpose(0, 2, 1)
+        weight = np.asarray(self.mass.sum(axis=1)).ravel()
+        self.volume = float(weight.sum())
+        centroid = weight @ self.nodes / self.volume
+        self.arm = self.nodes - centroid
+        size = np.sqrt(weight @ np.sum(self.arm**2, axis=1) / self.volume)
+        turned = np.cross(np.eye(3)[None] / size, self.arm[:, None])  # e_k x arm
+        motions = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=1)
+        self.rigid = motions.transpose(0, 2, 1).reshape(-1, 6)
+
+    @cached_property
+    def surface(self) -> tuple[Indices, Indices, Array]:
+        """Facets of the surface, counterclockwise from outside, their cells, and unit normals."""
+        facets, cells = surface_of(self.points, self.cells)
+        a, b, c = self.points[facets].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        return facets, cells, normal / np.linalg.norm(normal, axis=1)[:, None]
+
+    def shape_functions(self, cells: Indices, places: Array) -> Array:
+        """Values of the shape functions of cells, also beyond these, shape (places, cell's nodes).
+
+        Args:
+            cells: One for each place.
+            places: m, shape (places, 3).
+        """
+        part = np.einsum("pij,pj->pi", self._inverse[cells], np.insert(places, 0, 1.0, axis=1))
+        first, second = self._at.argmax(axis=1), 3 - self._at[:, ::-1].argmax(axis=1)
+        product = part[:, first] * part[:, second]
+        linear = part[:, first]
+        if len(self._at) == 4:
+            return np.asarray(linear)
+        return np.where(first == second, 2.0 * product - linear, 4.0 * product)
+
+    def cell_at(self, place: Array) -> int:
+        """The cell that a place is in, or nearest to."""
+        return int(np.argmax((self._inverse @ [1.0, *place]).min(axis=1)))
+
+    def of_body(self, force: Array, moments: Array) -> Array:
+        """Forces at nodes, N, (nodes, 3), of a body force c + y G with given sums.
+
+        Args:
+            force: Its sum, N, shape (3,).
+            moments: Sum of y F^T about the centroid, N m, shape (3, 3).
+        """
+        affine = np.insert(self.arm, 0, 1.0, axis=1)
+        gram = affine.T @ (self.mass @ affine)
+        field = affine @ np.linalg.solve(gram, np.vstack([force, moments]))
+        return np.asarray(self.mass @ field)
+
+    def balanced(self, force: Array) -> Array:
+        """Forces at nodes, shape (3 nodes, .), less the body force that balances them."""
+        mass = self._mass_times(self.rigid)
+        return np.asarray(force - mass @ np.linalg.solve(self.rigid.T @ mass, self.rigid.T @ force))
+
+    def displacements(self, force: Array) -> Array:
+        """u, m, shape (3 nodes, .), under forces that balance, N, of this shape."""
+        u = np.zeros_like(force)
+        free, factor = self._factor
+        for _ in range(2):  # the second time of what is left by rounding
+            u[free] += factor.solve((force - self.stiffness @ u)[free])
+        mass = self._mass_times(self.rigid)
+        return np.asarray(u - self.rigid @ np.linalg.solve(mass.T @ self.rigid, mass.T @ u))
+
+    @cached_property
+    def _factor(self) -> tuple[Indices, Any]:
+        """Displacements left when six are held, which hold the body, and the factor of their K."""
+        from scipy.linalg import qr
+        from scipy.sparse.linalg import splu
+
+        held = qr(self.rigid.T, mode="r", pivoting=True)[1][:6]
+        free = np.setdiff1d(np.arange(len(self.rigid)), held)
+        matrix = self.stiffness[free][:, free].tocsc()
+        options = {"SymmetricMode": True}
+        order = "MMD_AT_PLUS_A"
+        return free, splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
+
+    def _mass_times(self, vectors: Array) -> Array:
+        """M times vectors, shape (3 nodes, .)."""
+        return np.asarray((self.mass @ vectors.reshape(len(self.nodes), -1)).reshape(vectors.shape))
+
+    def _set_stresses(self, space: Any, degree: int) -> None:
+        """Prepare the stresses of a displacement, of one degree less."""
+        self._u = fem.Function(space)
+        sigma = forms.stress_of(self._u, self._law)
+        of_cells = compat.function_space(space.mesh, "DG", degree - 1, (6,))
+        points = compat.interpolation_points(of_cells)
+        rows = ufl.as_vector([sigma[place] for place in forms.voigt(3)])
+        self._stress = fem.Function(of_cells), fem.Expression(rows, points), _barycentric(points)
+
+    def stresses(self, displacement: Array) -> Array:
+        """Stresses at corners of cells, xx, yy, zz, xy, xz, yz, Pa, shape (cells, 4, 6).
+
+        Args:
+            displacement: u, m, shape (3 nodes,).
+        """
+        field, expression, at = self._stress
+        self._u.x.array[:] = displacement
+        field.interpolate(expression)
+        values = field.x.array.reshape(-1, 6)[compat.cell_dofs(field.function_space)]
+        return np.asarray(np.einsum("kp,cpv->ckv", np.linalg.pinv(at), values))
+
+    def at_points(self, values: Array) -> Array:
+        """Means of the cells' values at points, shape (points, v), from (cells, 4, v)."""
+        sums = np.zeros((len(self.points), values.shape[2]))
+        np.add.at(sums, self.cells, values)
+        return np.asarray(sums / np.bincount(self.cells.ravel())[:, None])
+
+
+def surface_of(points: Array, cells: Indices) -> tuple[Indices, Indices]:
+    """Facets that are of one tetrahedron alone, counterclockwise from outside, and their cells."""
+    facets = cells[:, SIDES].reshape(-1, 3)
+    _, first, count = np.unique(
+        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer = first[count == 1]
+    edges = points[facets[outer]] - points[cells.ravel()[outer]][:, None]  # from opposite corners
+    turned = np.linalg.det(edges) < 0.0
+    return np.where(turned[:, None], facets[outer][:, ::-1], facets[outer]), outer // 4
+
+
+def _assembled(form: Any) -> Any:
+    """A matrix in scipy's rows."""
+    from scipy.sparse import csr_matrix
+
+    matrix = fem_petsc.assemble_matrix(form)
+    matrix.assemble()
+    start, columns, values = matrix.getValuesCSR()
+    found = csr_matrix((values, columns, start), matrix.getSize())
+    matrix.destroy()
+    return found
+
+
+def _barycentric(reference: Array) -> Array:
+    """Barycentric coordinates of points of the reference tetrahedron, shape (points, 4)."""
+    return np.column_stack([1.0 - reference.sum(axis=1), reference])

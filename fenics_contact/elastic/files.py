@@ -1,0 +1,103 @@
+"""Files of stresses in blocks: for ParaView, and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fenics_contact.elastic.body import surface_of
+from fenics_contact.elastic.stresses import BlockStresses, StressedBlock
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.output.figures import picture_paths
+from fenics_contact.output.folder import drawing
+from fenics_contact.output.plotting import DPI, save_figure
+from fenics_contact.output.vtu import grid_of, write_grid
+from fenics_contact.results.block_view import BlockView
+from fenics_contact.spatial.picture import VIEWS, axes_to
+
+#: VTK's number of a tetrahedron.
+TETRAHEDRON = 10
+#: Of stresses, the part that has the darkest colour: single points are higher.
+DARKEST = 99.5
+#: Inches.
+PANEL, BAR, TITLE = 4.0, 1.2, 0.6
+
+
+def write_stresses(stresses: BlockStresses, path: Path) -> None:
+    """Write the meshes of all blocks with their stresses, Pa, and displacements by strains, m.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    blocks = stresses.blocks
+    if not blocks:
+        return
+    points = [len(one.points) for one in blocks]
+    start = np.cumsum(points) - points
+    cells = np.vstack([one.cells + first for one, first in zip(blocks, start, strict=True)])
+    number = np.repeat([one.block for one in blocks], [len(one.cells) for one in blocks])
+    places = np.vstack([one.points for one in blocks])
+    grid = grid_of(TETRAHEDRON, places, np.full(len(cells), 4), {"block": number})
+    grid["Cells"]["connectivity"] = cells.ravel()
+    least, _, most = np.vstack([one.principal for one in blocks]).T
+    grid["PointData"] = {
+        "displacement": np.vstack([one.displacement for one in blocks]),
+        "stress": np.vstack([one.stress for one in blocks])[:, [0, 1, 2, 3, 5, 4]],  # as VTK has it
+        "tension": np.maximum(most, 0.0),
+        "pressure": np.maximum(-least, 0.0),
+    }
+    grid["FieldData"] = {"blocks": stresses.names}
+    write_grid(path, grid, "stresses, Pa, of the forces in points.npz")
+
+
+def draw_stresses(
+    stresses: BlockStresses, view: BlockView, folder: Path, formats: Sequence[str]
+) -> None:
+    """Draw the largest pressures and tensions on the sides of blocks, seen from above a corner.
+
+    Raises:
+        OSError: If a file cannot be written.
+        DrawingError: If matplotlib fails.
+    """
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
+
+    if not stresses.blocks:
+        return
+    turn = axes_to(VIEWS[3]["oblique"])
+    corners, values = (
+        np.concatenate(parts) for parts in zip(*map(_surface, stresses.blocks), strict=True)
+    )
+    flat = corners @ turn.T
+    a, b, c = flat.transpose(1, 2, 0)
+    seen = (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0] > 0.0
+    order = np.flatnonzero(seen)[np.argsort(flat[seen, :, 2].mean(axis=1))]
+    wide, high, _ = np.ptp(flat, axis=(0, 1))
+    with drawing("stresses"):
+        shape = 2.0 * (PANEL * min(wide / high, 2.0) + BAR), PANEL + TITLE
+        figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
+        shades = {"pressure": "Blues", "tension": "Oranges"}
+        panels = zip(figure.subplots(1, 2), shades.items(), values.T, strict=True)
+        for axes, (name, shade), parts in panels:
+            most = float(np.percentile(parts, DARKEST)) or 1.0
+            some = PolyCollection(flat[order, :, :2], array=1e-6 * parts[order], cmap=shade)
+            some.set(clim=(0.0, 1e-6 * most), edgecolor="face", linewidth=0.1)
+            axes.add_collection(some)
+            axes.autoscale_view()
+            axes.set_aspect("equal")
+            axes.set_axis_off()
+            figure.colorbar(some, ax=axes, shrink=0.7, label=f"largest {name} (MPa)")
+        title = "\n".join(filter(None, (view.title, "stresses under the forces of this state")))
+        save_figure(figure, title, picture_paths(folder / f"stresses{view.suffix}", formats))
+
+
+def _surface(one: StressedBlock) -> tuple[Array, Array]:
+    """Outer facets of a block, m, shape (facets, 3, 3), and pressure and tension, Pa, (facets, 2).
+
+    Corners are counterclockwise from outside.
+    """
+    facets, _ = surface_of(one.points, one.cells)
+    least, _, most = one.principal[facets].mean(axis=1).T
+    return one.points[facets], np.maximum(np.column_stack([-least, most]), 0.0)
