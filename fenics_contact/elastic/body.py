@@ -55,7 +55,8 @@ class ElasticBody:
                 MPI.COMM_SELF, "tetrahedron", cells.astype(np.int64), points, here
             )
             space = compat.function_space(domain, "Lagrange", degree, (3,))
-            self._law = law(domain)
+        self._law = law(domain)  # which may compile something, too
+        with compat.quiet_compiler(), compat.form_cache():
             u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
             mass = fem.form(ufl.inner(u, v) * ufl.dx)
             self.stiffness = _assembled(forms.stiffness(space, self._law))
