@@ -108,7 +108,7 @@ def means(body: ElasticBody, surface: Surface) -> Any:
     here &= np.all(flat.min(axis=1) < edge.max(axis=0), axis=1)
     here &= away <= away[here].min(initial=np.inf) + BEHIND * np.sqrt(areas.sum())
     flat, cells = flat[here, :: int(outwards)], cells[here]
-    found = csr_matrix((len(areas), len(body.nodes)))
+    found = np.zeros((len(areas), len(body.nodes)))
     covered = 0.0
     for patch in surface.patches():
         triangles, of = _parts(flat, patch.corners)
@@ -119,15 +119,14 @@ def means(body: ElasticBody, surface: Surface) -> Any:
         u, v = _inverse(patch.corners, places).T
         first, second = (lagrange(*one) for one in zip(patch.places, (u, v), strict=True))
         at_points = np.einsum("q,qi,qj->qij", weights.ravel(), first, second)
-        at_points = at_points.reshape(len(places), -1) / areas[patch.numbers]
         at_nodes = body.shape_functions(cell, corners[0] + places @ axes[1:])
-        values = at_points[:, :, None] * at_nodes[:, None]
-        rows = np.broadcast_to(patch.numbers[:, None], values.shape)
-        columns = np.broadcast_to(body.cell_nodes[cell][:, None], values.shape)
-        found += csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), found.shape)
+        start = np.arange(len(places) + 1) * at_nodes.shape[1]
+        entries = at_nodes.ravel(), body.cell_nodes[cell].ravel(), start
+        table = csr_matrix(entries, (len(places), len(body.nodes)))
+        found[patch.numbers] += (table.T @ at_points.reshape(len(places), -1)).T
     if covered < COVERED * areas.sum():
         raise SolverError(f"{covered / areas.sum():.0%} of a contact lies on its mesh")
-    return found
+    return csr_matrix(found / areas[:, None])
 
 
 def lagrange(nodes: Array, at: Array) -> Array:
@@ -154,7 +153,9 @@ def _parts(triangles: Array, patch: Array) -> tuple[Array, Indices]:
         for a, b in zip(part, np.roll(part, -1, axis=0), strict=True):
             parts.append([b, *apex, a])
             of.append(number)
-    return np.array(parts).reshape(-1, 3, 2), np.array(of, dtype=np.int64)
+    every = np.array(parts).reshape(-1, 3, 2)
+    kept = np.linalg.det(every[:, 1:] - every[:, :1]) != 0.0
+    return every[kept], np.array(of, dtype=np.int64)[kept]
 
 
 def _rule(triangles: Array) -> tuple[Array, Array]:
@@ -175,5 +176,8 @@ def _inverse(patch: Array, places: Array) -> Array:
         u, v = found.T[:, :, None]
         missed = a * (1 - u) * (1 - v) + b * u * (1 - v) + c * u * v + d * (1 - u) * v - places
         by_u, by_v = (b - a) * (1 - v) + (c - d) * v, (d - a) * (1 - u) + (c - b) * u
-        found = found - np.linalg.solve(np.stack([by_u, by_v], axis=2), missed[..., None])[..., 0]
+        step = np.linalg.solve(np.stack([by_u, by_v], axis=2), missed[..., None])[..., 0]
+        found = found - step
+        if np.abs(step).max(initial=0.0) < ROUNDING:
+            break
     return found

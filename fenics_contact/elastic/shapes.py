@@ -77,11 +77,14 @@ def _corners(block: Block) -> tuple[Array, Array]:
 
 
 def _placed(blocks: Sequence[Block], number: int, first: int, turned: bool) -> Placed | None:
-    """Where a block is, as a motion of the first of a shape; None: it is of another one."""
-    from scipy.spatial.transform import Rotation
+    """Where a block is, as a motion of the first of a shape; None: it is of another one.
 
+    W. Kabsch, Acta Cryst. A 32 (1976) 922.
+    """
     (arms, middle), (drawn, centre) = _corners(blocks[number]), _corners(blocks[first])
-    rotation = Rotation.align_vectors(arms, drawn)[0].as_matrix() if turned else np.eye(3)
+    left, _, right = np.linalg.svd(arms.T @ drawn)
+    sides = [1.0, 1.0, np.linalg.det(left @ right)]  # no mirror
+    rotation = (left * sides) @ right if turned else np.eye(3)
     if np.abs(drawn @ rotation.T - arms).max() > SAME * np.abs(arms).max():
         return None
     return Placed(number, first, rotation, middle - rotation @ centre)

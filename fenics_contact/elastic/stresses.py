@@ -103,10 +103,10 @@ class BlockStresses:
 
 def _signed_contacts(structure: Structure, block: int) -> Iterator[tuple[float, Contact, Indices]]:
     """Contacts of a block with numbers of their points; 1.0 where it is the second, else -1.0."""
-    for number, contact in enumerate(structure.contacts):
-        if block in (contact.first, contact.second):
-            points = np.flatnonzero(structure.points.contact == number)
-            yield (1.0 if contact.second == block else -1.0), contact, points
+    for number in np.flatnonzero(np.any(structure.pairs == block, axis=1)):
+        contact = structure.contacts[number]
+        points = np.flatnonzero(structure.points.contact == number)
+        yield (1.0 if contact.second == block else -1.0), contact, points
 
 
 def _factors(structure: Structure, end: Collapse) -> Iterator[tuple[float, Any]]:
