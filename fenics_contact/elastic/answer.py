@@ -15,7 +15,6 @@ from fenics_contact.answers.question import Asked
 from fenics_contact.elastic.files import draw_stresses, write_stresses
 from fenics_contact.elastic.stresses import (
     BlockStresses,
-    material_name,
     sorted_blocks,
     stressed_blocks,
 )
@@ -81,16 +80,16 @@ class StressAnswer(Asked):
             missed |= further
         off = [one.block for one in found if one.missing > UNBALANCED]
         missed |= dict.fromkeys(off, "its forces do not balance on its mesh")
-        found = sorted((one for one in found if one.block not in missed), key=lambda one: one.block)
+        found = sorted((one for one in found if one.block not in missed), key=attrgetter("block"))
         names = tuple(block.name or str(k) for k, block in enumerate(structure.blocks))
-        exceeded = {}
-        for one in found:
-            strength = scene.materials[material_name(scene, structure, one.block)].tensile_strength
-            if strength is not None and one.tension[0] > strength:
-                exceeded[names[one.block]] = one.tension[0], strength
-        value = BlockStresses(
-            tuple(found), names, {names[k]: why for k, why in missed.items()}, exceeded
-        )
+        strengths = [scene.material(structure.blocks[one.block]).tensile_strength for one in found]
+        exceeded = {
+            names[one.block]: (one.tension[0], strength)
+            for one, strength in zip(found, strengths, strict=True)
+            if strength is not None and one.tension[0] > strength
+        }
+        why = {names[k]: text for k, text in missed.items()}
+        value = BlockStresses(tuple(found), names, why, exceeded)
         for text in _warnings(value, scene.units):
             _log.warning("warning: %s", text)
         return cls(value), end

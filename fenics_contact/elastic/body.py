@@ -2,9 +2,10 @@
 
     K u = g,   R^T g = 0,
 
-R the rigid motions. K has their kernel: u is that displacement of which R^T M u = 0, M the mass
-matrix of a density of 1. What misses balance, the residual of contact forces and what moves them
-onto the sides of the mesh, is spread as a body force: g - M R (R^T M R)^-1 R^T g (inertia relief).
+R the rigid motions, with R^T M R = 1, M the mass matrix of a density of 1. They are the kernel of
+K: u is that displacement of which R^T M u = 0. What misses balance, the residual of contact forces
+and what moves them onto the sides of the mesh, is spread as a body force: g - M R R^T g (inertia
+relief).
 """
 
 from __future__ import annotations
@@ -34,8 +35,7 @@ class ElasticBody:
         nodes: Of displacements, m, shape (nodes, 3).
         stiffness: K, N/m, sparse, shape (3 nodes, 3 nodes).
         mass: Of a density of 1, m3, sparse, shape (nodes, nodes).
-        rigid: R, the motions along and about the axes through the centroid; rotations times the
-            radius of gyration, m, shape (3 nodes, 6).
+        rigid: R, rigid motions with R^T M R = 1, shape (3 nodes, 6).
     """
 
     def __init__(
@@ -71,12 +71,13 @@ class ElasticBody:
         self._inverse = np.linalg.inv(corner).transpose(0, 2, 1)
         weight = np.asarray(self.mass.sum(axis=1)).ravel()
         self.volume = float(weight.sum())
-        centroid = weight @ self.nodes / self.volume
-        self.arm = self.nodes - centroid
-        size = np.sqrt(weight @ np.sum(self.arm**2, axis=1) / self.volume)
-        turned = np.cross(np.eye(3)[None] / size, self.arm[:, None])  # e_k x arm
+        self.centroid = weight @ self.nodes / self.volume
+        self.arm = self.nodes - self.centroid
+        turned = np.cross(np.eye(3)[None], self.arm[:, None])  # e_k x arm
         motions = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=1)
-        self.rigid = motions.transpose(0, 2, 1).reshape(-1, 6)
+        motions = motions.transpose(0, 2, 1).reshape(-1, 6)
+        gram = motions.T @ self._mass_times(motions)
+        self.rigid = motions @ np.linalg.inv(np.linalg.cholesky(gram)).T
 
     @cached_property
     def surface(self) -> tuple[Indices, Indices, Array]:
@@ -105,22 +106,20 @@ class ElasticBody:
         """The cell that a place is in, or nearest to."""
         return int(np.argmax((self._inverse @ [1.0, *place]).min(axis=1)))
 
-    def of_body(self, force: Array, moments: Array) -> Array:
-        """Forces at nodes, N, (nodes, 3), of a body force c + y G with given sums.
+    def of_body(self, moments: Array) -> Array:
+        """Forces at nodes, N, shape (nodes, 3), of a body force c + y G.
 
         Args:
-            force: Its sum, N, shape (3,).
-            moments: Sum of y F^T about the centroid, N m, shape (3, 3).
+            moments: Its sum, N, and those of y F^T about the centroid, N m, shape (4, 3).
         """
         affine = np.insert(self.arm, 0, 1.0, axis=1)
         gram = affine.T @ (self.mass @ affine)
-        field = affine @ np.linalg.solve(gram, np.vstack([force, moments]))
+        field = affine @ np.linalg.solve(gram, moments)
         return np.asarray(self.mass @ field)
 
     def balanced(self, force: Array) -> Array:
         """Forces at nodes, shape (3 nodes, .), less the body force that balances them."""
-        mass = self._mass_times(self.rigid)
-        return np.asarray(force - mass @ np.linalg.solve(self.rigid.T @ mass, self.rigid.T @ force))
+        return np.asarray(force - self._mass_times(self.rigid @ (self.rigid.T @ force)))
 
     def displacements(self, force: Array) -> Array:
         """u, m, shape (3 nodes, .), under forces that balance, N, of this shape."""
@@ -128,8 +127,7 @@ class ElasticBody:
         free, factor = self._factor
         for _ in range(2):  # the second time of what is left by rounding
             u[free] += factor.solve((force - self.stiffness @ u)[free])
-        mass = self._mass_times(self.rigid)
-        return np.asarray(u - self.rigid @ np.linalg.solve(mass.T @ self.rigid, mass.T @ u))
+        return np.asarray(u - self.rigid @ (self.rigid.T @ self._mass_times(u)))
 
     @cached_property
     def _factor(self) -> tuple[Indices, Any]:
@@ -152,13 +150,13 @@ class ElasticBody:
         """Prepare the stresses of a displacement, of one degree less."""
         self._u = fem.Function(space)
         sigma = forms.stress_of(self._u, self._law)
-        of_cells = compat.function_space(space.mesh, "DG", degree - 1, (6,))
+        of_cells = compat.function_space(space.mesh, "DG", degree - 1, (9,))
         points = compat.interpolation_points(of_cells)
-        rows = ufl.as_vector([sigma[place] for place in forms.voigt(3)])
+        rows = ufl.as_vector([sigma[place] for place in np.ndindex(3, 3)])
         self._stress = fem.Function(of_cells), fem.Expression(rows, points), _barycentric(points)
 
     def stresses(self, displacement: Array) -> Array:
-        """Stresses at corners of cells, xx, yy, zz, xy, xz, yz, Pa, shape (cells, 4, 6).
+        """Stresses at the points, means of those of the cells, Pa, shape (points, 3, 3).
 
         Args:
             displacement: u, m, shape (3 nodes,).
@@ -166,8 +164,9 @@ class ElasticBody:
         field, expression, at = self._stress
         self._u.x.array[:] = displacement
         field.interpolate(expression)
-        values = field.x.array.reshape(-1, 6)[compat.cell_dofs(field.function_space)]
-        return np.asarray(np.einsum("kp,cpv->ckv", np.linalg.pinv(at), values))
+        values = field.x.array.reshape(-1, 9)[compat.cell_dofs(field.function_space)]
+        of_cells = np.einsum("kp,cpv->ckv", np.linalg.pinv(at), values)
+        return self.at_points(of_cells).reshape(-1, 3, 3)
 
     def at_points(self, values: Array) -> Array:
         """Means of the cells' values at points, shape (points, v), from (cells, 4, v)."""

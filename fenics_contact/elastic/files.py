@@ -44,7 +44,7 @@ def write_stresses(stresses: BlockStresses, path: Path) -> None:
     least, _, most = np.vstack([one.principal for one in blocks]).T
     grid["PointData"] = {
         "displacement": np.vstack([one.displacement for one in blocks]),
-        "stress": np.vstack([one.stress for one in blocks])[:, [0, 1, 2, 3, 5, 4]],  # as VTK has it
+        "stress": np.vstack([one.stress.reshape(-1, 9) for one in blocks]),
         "tension": np.maximum(most, 0.0),
         "pressure": np.maximum(-least, 0.0),
     }

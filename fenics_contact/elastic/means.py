@@ -21,7 +21,7 @@ import numpy as np
 from fenics_contact.elastic.body import ElasticBody
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.spatial.contacts import clipped
+from fenics_contact.spatial.contacts import clipped, frame, polygon_area
 from fenics_contact.spatial.points import PLACES, polygon_centroid
 
 #: Cosine of the angle up to which a facet faces a contact.
@@ -70,6 +70,14 @@ class Surface(NamedTuple):
     axes: Array
     outwards: float
     areas: Array
+
+    @classmethod
+    def of_side(cls, corners: Array) -> Surface:
+        """A side over which one value is spread, m, shape (corners, 3)."""
+        along = corners[1] - corners[0]
+        axes = frame(np.cross(along, corners[2] - corners[1]), along)
+        area = polygon_area((corners - corners[0]) @ axes[1:].T)
+        return cls(corners, axes, 1.0, np.array([area]))
 
     def patches(self) -> Iterator[Patch]:
         """Its patches, in its plane from the first corner."""
@@ -131,11 +139,9 @@ def means(body: ElasticBody, surface: Surface) -> Any:
 
 def lagrange(nodes: Array, at: Array) -> Array:
     """Lagrange functions of nodes, shape (places, nodes)."""
-    found = np.ones((len(at), len(nodes)))
-    for i, node in enumerate(nodes):
-        for other in np.delete(nodes, i):
-            found[:, i] *= (at - other) / (node - other)
-    return found
+    others = [np.delete(nodes, k) for k in range(len(nodes))]
+    parts = [(at[:, None] - o) / (x - o) for x, o in zip(nodes, others, strict=True)]
+    return np.stack([part.prod(axis=1) for part in parts], axis=1)
 
 
 def _parts(triangles: Array, patch: Array) -> tuple[Array, Indices]:

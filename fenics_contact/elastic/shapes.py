@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,26 +41,22 @@ class Placed:
 
 
 def shapes_of(
-    blocks: Sequence[Block],
-    numbers: Iterable[int],
-    kind: Callable[[int], Hashable],
-    turned: bool = True,
+    blocks: Sequence[Block], kinds: Mapping[int, Hashable], turned: bool = True
 ) -> list[list[Placed]]:
     """Blocks by their shapes; the first one of each stands for it.
 
     Args:
         blocks: All blocks.
-        numbers: Of those that are sorted.
-        kind: What must be equal besides, of the block with a number.
+        kinds: What must be equal besides, of those that are sorted, by their numbers.
         turned: Whether blocks may be turned against each other.
     """
     known: dict[Hashable, list[list[Placed]]] = defaultdict(list)
-    for number in numbers:
+    for number, kind in kinds.items():
         arms, _ = _corners(blocks[number])
         reach = np.linalg.norm(arms, axis=1)
         digits = np.round(reach / reach.max(), DIGITS).tobytes()
         sides = tuple(piece.sides for piece in blocks[number].pieces)
-        alike = known[kind(number), sides, digits]
+        alike = known[kind, sides, digits]
         for shape in alike:
             if placed := _placed(blocks, number, shape[0].block, turned):
                 shape.append(placed)

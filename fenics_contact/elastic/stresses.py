@@ -20,12 +20,14 @@ from fenics_contact.discretization.materials import cell_field, given_law, lame_
 from fenics_contact.elastic.body import ElasticBody
 from fenics_contact.elastic.means import Surface, means
 from fenics_contact.elastic.shapes import Placed, shapes_of
-from fenics_contact.elastic.tetrahedra import size_of, tetrahedra
+from fenics_contact.elastic.tetrahedra import tetrahedra
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.parallel import MPI
 from fenics_contact.results.result import Collapse
-from fenics_contact.spatial.contacts import Contact, frame, polygon_area
+from fenics_contact.spatial.contacts import Contact
+from fenics_contact.spatial.loads import Acting
+from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 
@@ -44,8 +46,8 @@ class StressedBlock:
         points: Corners of tetrahedra, m, shape (points, 3).
         cells: Numbers of these, shape (cells, 4).
         displacement: By strains alone, m, shape (points, 3).
-        stress: xx, yy, zz, xy, xz, yz, Pa, shape (points, 6).
-        missing: What was spread over the block to balance it, over the largest force on it.
+        stress: Pa, shape (points, 3, 3).
+        missing: Forces at nodes that were spread to balance it, over all forces at nodes.
     """
 
     block: int
@@ -58,27 +60,20 @@ class StressedBlock:
     @cached_property
     def principal(self) -> Array:
         """Principal stresses at the points, Pa, the least first, shape (points, 3)."""
-        return np.asarray(np.linalg.eigvalsh(_tensors(self.stress)))
+        return np.asarray(np.linalg.eigvalsh(self.stress))
 
     @property
     def pressure(self) -> tuple[float, list[float]]:
         """The largest pressure, Pa, not below 0, and where, m."""
-        at = int(self.principal[:, 0].argmin())
-        return max(-float(self.principal[at, 0]), 0.0), self.points[at].tolist()
+        return self._largest(-self.principal[:, 0])
 
     @property
     def tension(self) -> tuple[float, list[float]]:
         """The largest tension, Pa, not below 0, and where, m."""
-        at = int(self.principal[:, 2].argmax())
-        return max(float(self.principal[at, 2]), 0.0), self.points[at].tolist()
+        return self._largest(self.principal[:, 2])
 
-
-def _tensors(stress: Array) -> Array:
-    """Symmetric tensors, shape (., 3, 3), of their components, shape (., 6)."""
-    tensor = np.zeros((len(stress), 3, 3))
-    for k, (i, j) in enumerate(forms.voigt(3)):
-        tensor[:, i, j] = tensor[:, j, i] = stress[:, k]
-    return tensor
+    def _largest(self, values: Array) -> tuple[float, list[float]]:
+        return max(float(values.max()), 0.0), self.points[values.argmax()].tolist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,55 +104,38 @@ def _signed_contacts(structure: Structure, block: int) -> Iterator[tuple[float, 
         yield (1.0 if contact.second == block else -1.0), contact, points
 
 
-def _factors(structure: Structure, end: Collapse) -> Iterator[tuple[float, Any]]:
-    """Loads with their factors."""
+def _loads(structure: Structure, end: Collapse, block: int) -> Iterator[tuple[Acting, Any, Array]]:
+    """Loads, which of their parts act on a block, and these, N, shape (parts, 3)."""
     for key, acting in structure.acting.items():
-        yield (float(end.load_factor) if key.startswith("loads.live") else 1.0), acting
+        factor = float(end.load_factor) if key.startswith("loads.live") else 1.0
+        here = np.flatnonzero(acting.block == block)
+        yield acting, here, factor * acting.force[here]
 
 
-def on_surfaces(structure: Structure, end: Collapse, block: int) -> Iterator[tuple[Surface, Array]]:
-    """Contacts and loaded sides of a block, and forces at their points, N, shape (points, 3)."""
+def forces_on(
+    structure: Structure, end: Collapse, block: int
+) -> Iterator[tuple[Surface | Array, Array]]:
+    """Surfaces, or places, m, and forces there, N, shape (points, 3), but for body forces.
+
+    Edges and corners, ties and single forces act at places.
+    """
     for sign, contact, points in _signed_contacts(structure, block):
+        forces = sign * np.asarray(end.force)[points] @ contact.axes
         if len(contact.corners) > 2:
             areas = structure.points.area[points]
-            forces = sign * np.asarray(end.force)[points] @ contact.axes
             yield Surface(contact.corners, contact.axes, -sign, areas), forces
-    for factor, acting in _factors(structure, end):
-        for k in np.flatnonzero(acting.block == block) if acting.sides else ():
-            corners = acting.sides[k]
-            along = corners[1] - corners[0]
-            axes = frame(np.cross(along, corners[2] - corners[1]), along)
-            area = polygon_area((corners - corners[0]) @ axes[1:].T)
-            yield Surface(corners, axes, 1.0, np.array([area])), factor * acting.force[[k]]
-
-
-def at_places(structure: Structure, end: Collapse, block: int) -> Iterator[tuple[Array, Array]]:
-    """Places, m, and forces, N, of edges and corners, ties, and loads at places."""
-    for sign, contact, points in _signed_contacts(structure, block):
-        for point in points if len(contact.corners) < 3 else ():
-            yield (
-                structure.points.position[point],
-                sign * np.asarray(end.force)[point] @ contact.axes,
-            )
+        else:
+            yield from zip(structure.points.position[points], forces[:, None], strict=True)
     for bar, tension in zip(structure.bars, np.asarray(end.tension), strict=True):
         pull = tension * (bar.ends[1] - bar.ends[0]) / np.linalg.norm(bar.ends[1] - bar.ends[0])
         ends = zip(bar.blocks, bar.ends, (pull, -pull), strict=True)
-        yield from ((place, force) for of, place, force in ends if of == block)
-    for factor, acting in _factors(structure, end):
-        for k in np.flatnonzero(acting.block == block) if acting.on and not acting.sides else ():
-            yield acting.place[k], factor * acting.force[k]
-
-
-def of_body(structure: Structure, end: Collapse, block: int) -> tuple[Array, Array]:
-    """Sums of body forces, N, and of places from the centroid times these, N m, shape (3, 3)."""
-    force, moments = np.zeros(3), np.zeros((3, 3))
-    for factor, acting in _factors(structure, end):
-        if not acting.on:
-            here = acting.block == block
-            values = factor * acting.force[here]
-            force += values.sum(axis=0)
-            moments += (acting.place[here] - structure.blocks[block].centroid).T @ values
-    return force, moments
+        yield from ((place, force[None]) for of, place, force in ends if of == block)
+    for acting, here, forces in _loads(structure, end, block):
+        if acting.sides:
+            sides = (Surface.of_side(acting.sides[k]) for k in here)
+            yield from zip(sides, forces[:, None], strict=True)
+        elif acting.on:
+            yield from zip(acting.place[here], forces[:, None], strict=True)
 
 
 def at_nodes(
@@ -170,65 +148,59 @@ def at_nodes(
     Raises:
         SolverError: If a contact does not lie on the mesh.
     """
-    given = structure, end, placed.block
     turn = placed.rotation
-    force, moments = of_body(*given)
-    total = body.of_body(force @ turn, turn.T @ moments @ turn)
+    moments = np.zeros((4, 3))
+    for acting, here, forces in _loads(structure, end, placed.block):
+        if not acting.on:
+            arms = placed.inside(acting.place[here]) - body.centroid
+            moments += np.insert(arms, 0, 1.0, axis=1).T @ (forces @ turn)
+    total = body.of_body(moments)
     size = body.volume ** (1.0 / 3.0)
-    for surface, forces in on_surfaces(*given):
-        corners, axes = placed.inside(surface.corners), surface.axes @ turn
-        parts = corners / size, surface.outwards * axes, surface.areas / size**2
+    for where, forces in forces_on(structure, end, placed.block):
+        if not isinstance(where, Surface):
+            cell = np.array([body.cell_at(placed.inside(where))])
+            share = body.shape_functions(cell, placed.inside(where)[None])
+            total[body.cell_nodes[cell[0]]] += share.T @ (forces @ turn)
+            continue
+        corners, axes = placed.inside(where.corners), where.axes @ turn
+        parts = corners / size, where.outwards * axes, where.areas / size**2
         key = b"".join(np.round(part, DIGITS).tobytes() for part in parts)
         if key not in known:
-            known[key] = means(body, surface._replace(corners=corners, axes=axes))
+            known[key] = means(body, where._replace(corners=corners, axes=axes))
         total += known[key].T @ (forces @ turn)
-    for place, one in at_places(*given):
-        cell = np.array([body.cell_at(placed.inside(place))])
-        share = body.shape_functions(cell, placed.inside(place)[None])
-        total[body.cell_nodes[cell[0]]] += share.T * (one @ turn)
     return total
 
 
 # ---- stresses
 
 
-def material_name(scene: BlockScene, structure: Structure, block: int) -> str:
-    """Key of the material of a block."""
-    group = structure.blocks[block].group
-    return group if group in scene.materials else "default"
-
-
-def _body(scene: BlockScene, structure: Structure, block: int) -> ElasticBody:
+def _body(scene: BlockScene, block: Block) -> ElasticBody:
     """A block, meshed.
 
     Raises:
         SolverError: If gmsh does not mesh it.
     """
-    name = material_name(scene, structure, block)
-    given = structure.blocks[block]
+    material = scene.material(block)
 
     def law(domain: Any) -> forms.Law:
         count = domain.topology.index_map(3).size_local
         if scene.stress is not None:
-            of_cell = np.zeros(count, dtype=np.int32)
-            materials = np.array([name]), of_cell, scene.materials
-            return given_law(scene.stress, domain, *materials, MPI.COMM_SELF)
-        first, shear = (np.full(count, v) for v in lame_numbers(scene.materials[name]))
+            of_cell, names = np.zeros(count, dtype=np.int32), np.array([block.group])
+            materials = {block.group: material}
+            return given_law(scene.stress, domain, names, of_cell, materials, MPI.COMM_SELF)
+        first, shear = (np.full(count, value) for value in lame_numbers(material))
         like = cell_field(domain, "material", first)
         return like, cell_field(domain, "material", shear, like)
 
-    return ElasticBody(*tetrahedra(given, scene.mesh_size or size_of(given)), law)
+    return ElasticBody(*tetrahedra(block, scene.mesh_size), law)
 
 
 def sorted_blocks(scene: BlockScene, structure: Structure) -> list[list[Placed]]:
     """Blocks that move by their shapes and materials; by themselves where laws ask for places."""
     by_place = scene.stress is not None and compat.arguments_of(scene.stress) > 2
-
-    def kind(number: int) -> Any:
-        return material_name(scene, structure, number), number if by_place else 0
-
     moving = np.flatnonzero(structure.number >= 0).tolist()
-    return shapes_of(structure.blocks, moving, kind, turned=scene.stress is None)
+    kinds = {k: (scene.material(structure.blocks[k]), by_place and k) for k in moving}
+    return shapes_of(structure.blocks, kinds, turned=scene.stress is None)
 
 
 def stressed_blocks(
@@ -246,7 +218,7 @@ def stressed_blocks(
     missed: dict[int, str] = {}
     for shape in shapes:
         try:
-            body = _body(scene, structure, shape[0].like)
+            body = _body(scene, structure.blocks[shape[0].like])
         except SolverError as error:
             missed |= {placed.block: str(error) for placed in shape}
             continue
@@ -265,18 +237,16 @@ def stressed_blocks(
 def _stressed(body: ElasticBody, forces: Mapping[Placed, Array]) -> Iterator[StressedBlock]:
     """Stresses in blocks of one shape, by forces at their nodes, N, shape (3 nodes,)."""
     given = np.array(list(forces.values())).T
-    largest = np.abs(given.reshape(len(body.nodes), 3, -1)).sum(axis=0).max(axis=0)
-    missing = np.linalg.norm(body.rigid.T @ given, axis=0) / largest
-    motions = body.displacements(body.balanced(given)).T
+    force = body.balanced(given)
+    missing = np.linalg.norm(force - given, axis=0) / np.linalg.norm(given, axis=0)
+    motions = body.displacements(force).T
     for placed, u, part in zip(forces, motions, missing.tolist(), strict=True):
         turn = placed.rotation
-        stress = turn @ _tensors(body.at_points(body.stresses(u))) @ turn.T
-        at_corners = u.reshape(-1, 3)[body.cell_nodes[:, :4]]  # nodes at corners come first
         yield StressedBlock(
             placed.block,
             placed.outside(body.points),
             body.cells,
-            body.at_points(at_corners) @ turn.T,
-            np.stack([stress[:, i, j] for i, j in forms.voigt(3)], axis=1),
+            body.at_points(u.reshape(-1, 3)[body.cell_nodes[:, :4]]) @ turn.T,  # nodes at corners
+            turn @ body.stresses(u) @ turn.T,
             part,
         )

@@ -22,23 +22,19 @@ VOLUME = 1e-2
 TETRAHEDRON = 4
 
 
-def size_of(block: Block) -> float:
-    """Length of edges by default, m."""
-    return SIZE * max(piece.thickness for piece in block.pieces)
-
-
-def tetrahedra(block: Block, size: float) -> tuple[Array, Indices]:
+def tetrahedra(block: Block, size: float | None = None) -> tuple[Array, Indices]:
     """Nodes, m, shape (nodes, 3), and corners of the tetrahedra that fill a block, (cells, 4).
 
     Pieces of a block share nodes where they touch.
 
     Args:
         block: What is meshed.
-        size: Length of edges, m.
+        size: Length of edges, m; None: by the block's thickness.
 
     Raises:
         SolverError: If gmsh does not mesh it; without the name of the block.
     """
+    size = size or SIZE * max(piece.thickness for piece in block.pieces)
     if 8.0 * block.volume > MOST * size**3:
         raise SolverError(f"edges of {size:.2g} m would make more than {MOST} tetrahedra")
     try:
