@@ -73,23 +73,13 @@ class StressAnswer(Asked):
         parts = [[shape[k::share] for shape in shapes if shape[k:]] for k in range(share)]
         given = scene, structure, state
         tasks = [question.workers.submit(stressed_blocks, *given, part) for part in parts[1:]]
-        found, missed = stressed_blocks(*given, parts[0])
-        for task in tasks:
-            others, further = result_of(task, question.check_stop)
-            found += others
-            missed |= further
-        off = [one.block for one in found if one.missing > UNBALANCED]
+        found = [stressed_blocks(*given, parts[0])]
+        found += [result_of(task, question.check_stop) for task in tasks]
+        blocks = sorted((one for part in found for one in part.blocks), key=attrgetter("block"))
+        missed = {name: why for part in found for name, why in part.missed.items()}
+        off = [one.name for one in blocks if one.missing > UNBALANCED]
         missed |= dict.fromkeys(off, "its forces do not balance on its mesh")
-        found = sorted((one for one in found if one.block not in missed), key=attrgetter("block"))
-        names = tuple(block.name or str(k) for k, block in enumerate(structure.blocks))
-        strengths = [scene.material(structure.blocks[one.block]).tensile_strength for one in found]
-        exceeded = {
-            names[one.block]: (one.tension[0], strength)
-            for one, strength in zip(found, strengths, strict=True)
-            if strength is not None and one.tension[0] > strength
-        }
-        why = {names[k]: text for k, text in missed.items()}
-        value = BlockStresses(tuple(found), names, why, exceeded)
+        value = BlockStresses(tuple(one for one in blocks if one.name not in off), missed)
         for text in _warnings(value, scene.units):
             _log.warning("warning: %s", text)
         return cls(value), end
@@ -103,7 +93,7 @@ class StressAnswer(Asked):
         for kind in KINDS:
             most = max(self.value.blocks, key=attrgetter(kind))
             stress, place = getattr(most, kind)
-            where = f"in '{self.value.names[most.block]}' at {words.units.place(place)}"
+            where = f"in '{most.name}' at {words.units.place(place)}"
             parts.append(f"{kind} up to {words.units.stress(stress, DIGITS)} {where}")
         return [Line("stresses:", f"{', '.join(parts)}, under these forces"), *told]
 
@@ -115,24 +105,25 @@ class StressAnswer(Asked):
         for one in most:
             pairs = (getattr(one, kind) for kind in KINDS)
             cells = [(units.stress(stress, DIGITS), units.place(place)) for stress, place in pairs]
-            rows.append((value.names[one.block], *cells[0], *cells[1]))
+            rows.append((one.name, *cells[0], *cells[1]))
         head = "block", "largest pressure", "where", "largest tension", "where"
         return Table(rows, TITLE, head, " ".join([*_warnings(value, units), NOTE]))
 
     def record(self) -> dict[str, Any]:
         """Largest pressures and tensions of the blocks, Pa, with their places, m."""
-        value = self.value
-        blocks = {
-            value.names[one.block]: {k: getattr(one, k) for k in KINDS} for one in value.blocks
-        }
-        return {"blocks": blocks, "missed": value.missed, "exceeded": value.exceeded}
+        blocks = [
+            {"name": one.name, **{kind: getattr(one, kind) for kind in KINDS}}
+            for one in self.value.blocks
+        ]
+        cracked = [one.name for one in self.value.cracked]
+        return {"blocks": blocks, "cracked": cracked, "missed": self.value.missed}
 
     def seen(self, view: BlockView) -> BlockView:
         """Its viewer colours blocks by pressure and tension."""
         values = {kind: np.zeros(len(view.motion)) for kind in KINDS}
         for one in self.value.blocks:
             for kind, of_blocks in values.items():
-                of_blocks[one.block] = getattr(one, kind)[0]
+                of_blocks[one.block] = 1e-6 * getattr(one, kind)[0]
         return replace(view, stresses=values)
 
     def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
@@ -146,11 +137,11 @@ class StressAnswer(Asked):
 
 def _warnings(value: BlockStresses, units: Units) -> Iterator[str]:
     """Tensions beyond the strength of the stone, and blocks without stresses, in words."""
-    if value.exceeded:
-        worst = sorted(value.exceeded, key=lambda name: -value.exceeded[name][0])
-        tension, strength = value.exceeded[worst[0]]
-        text = f"above the tensile strength of {units.stress(strength)}: it cracks, or needs iron"
-        yield f"tension of {units.stress(tension)} {listed_blocks(worst, 'have')} {text}"
+    if cracked := value.cracked:
+        names = listed_blocks([one.name for one in cracked], "crack")
+        stress, limit = cracked[0].tension[0], cracked[0].strength
+        above = f"is above the tensile strength of {units.stress(limit)}"
+        yield f"{names} without iron: a tension of {units.stress(stress, DIGITS)} {above}"
     if value.missed:
-        name, why = next(iter(value.missed.items()))
-        yield f"no stresses: {listed_blocks([*value.missed], 'have none')}; of '{name}': {why}"
+        why = next(iter(value.missed.values()))
+        yield f"{listed_blocks([*value.missed], 'lack')} stresses: {why}"

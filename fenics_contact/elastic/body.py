@@ -61,12 +61,13 @@ class ElasticBody:
             mass = fem.form(ufl.inner(u, v) * ufl.dx)
             self.stiffness = _assembled(forms.stiffness(space, self._law))
             self.mass = _assembled(mass)[::3, ::3]
-            self._set_stresses(space, degree)
+            self._set_stresses(space)
         self.points = np.array(domain.geometry.x)
         self.cells = compat.geometry_dofs(domain).astype(np.int64)
         self.nodes = np.array(space.tabulate_dof_coordinates())
         self.cell_nodes = compat.cell_dofs(space).astype(np.int64)
-        self._at = _barycentric(compat.interpolation_points(space))
+        reference = compat.interpolation_points(space)
+        self._at = np.column_stack([1.0 - reference.sum(axis=1), reference])  # barycentric
         corner = np.insert(self.points[self.cells], 0, 1.0, axis=2)
         self._inverse = np.linalg.inv(corner).transpose(0, 2, 1)
         weight = np.asarray(self.mass.sum(axis=1)).ravel()
@@ -146,14 +147,14 @@ class ElasticBody:
         """M times vectors, shape (3 nodes, .)."""
         return np.asarray((self.mass @ vectors.reshape(len(self.nodes), -1)).reshape(vectors.shape))
 
-    def _set_stresses(self, space: Any, degree: int) -> None:
-        """Prepare the stresses of a displacement, of one degree less."""
+    def _set_stresses(self, space: Any) -> None:
+        """Prepare the stresses of a displacement, which are linear in cells at most."""
         self._u = fem.Function(space)
         sigma = forms.stress_of(self._u, self._law)
-        of_cells = compat.function_space(space.mesh, "DG", degree - 1, (9,))
-        points = compat.interpolation_points(of_cells)
         rows = ufl.as_vector([sigma[place] for place in np.ndindex(3, 3)])
-        self._stress = fem.Function(of_cells), fem.Expression(rows, points), _barycentric(points)
+        of_cells = compat.function_space(space.mesh, "DG", 1, (9,))
+        self._sigma = fem.Function(of_cells)
+        self._stress = fem.Expression(rows, compat.interpolation_points(of_cells))
 
     def stresses(self, displacement: Array) -> Array:
         """Stresses at the points, means of those of the cells, Pa, shape (points, 3, 3).
@@ -161,12 +162,11 @@ class ElasticBody:
         Args:
             displacement: u, m, shape (3 nodes,).
         """
-        field, expression, at = self._stress
         self._u.x.array[:] = displacement
-        field.interpolate(expression)
-        values = field.x.array.reshape(-1, 9)[compat.cell_dofs(field.function_space)]
-        of_cells = np.einsum("kp,cpv->ckv", np.linalg.pinv(at), values)
-        return self.at_points(of_cells).reshape(-1, 3, 3)
+        self._sigma.interpolate(self._stress)
+        at_corners = compat.cell_dofs(self._sigma.function_space)
+        values = self._sigma.x.array.reshape(-1, 9)[at_corners]
+        return self.at_points(values).reshape(-1, 3, 3)
 
     def at_points(self, values: Array) -> Array:
         """Means of the cells' values at points, shape (points, v), from (cells, 4, v)."""
@@ -197,8 +197,3 @@ def _assembled(form: Any) -> Any:
     found = csr_matrix((values, columns, start), matrix.getSize())
     matrix.destroy()
     return found
-
-
-def _barycentric(reference: Array) -> Array:
-    """Barycentric coordinates of points of the reference tetrahedron, shape (points, 4)."""
-    return np.column_stack([1.0 - reference.sum(axis=1), reference])

@@ -37,7 +37,7 @@ def write_stresses(stresses: BlockStresses, path: Path) -> None:
     points = [len(one.points) for one in blocks]
     start = np.cumsum(points) - points
     cells = np.vstack([one.cells + first for one, first in zip(blocks, start, strict=True)])
-    number = np.repeat([one.block for one in blocks], [len(one.cells) for one in blocks])
+    number = np.repeat(np.arange(len(blocks)), [len(one.cells) for one in blocks])
     places = np.vstack([one.points for one in blocks])
     grid = grid_of(TETRAHEDRON, places, np.full(len(cells), 4), {"block": number})
     grid["Cells"]["connectivity"] = cells.ravel()
@@ -48,7 +48,7 @@ def write_stresses(stresses: BlockStresses, path: Path) -> None:
         "tension": np.maximum(most, 0.0),
         "pressure": np.maximum(-least, 0.0),
     }
-    grid["FieldData"] = {"blocks": stresses.names}
+    grid["FieldData"] = {"blocks": tuple(one.name for one in blocks)}
     write_grid(path, grid, "stresses, Pa, of the forces in points.npz")
 
 

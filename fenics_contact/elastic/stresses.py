@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.parallel import MPI
 from fenics_contact.results.result import Collapse
-from fenics_contact.spatial.contacts import Contact
-from fenics_contact.spatial.loads import Acting
+from fenics_contact.spatial.loads import GROUND
 from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
@@ -43,6 +42,8 @@ class StressedBlock:
 
     Attributes:
         block: Its number.
+        name: What people read; its number where it has none.
+        strength: Tensile strength of its stone, Pa, infinite where none is given.
         points: Corners of tetrahedra, m, shape (points, 3).
         cells: Numbers of these, shape (cells, 4).
         displacement: By strains alone, m, shape (points, 3).
@@ -51,6 +52,8 @@ class StressedBlock:
     """
 
     block: int
+    name: str
+    strength: float
     points: Array
     cells: Indices
     displacement: Array
@@ -82,64 +85,69 @@ class BlockStresses:
 
     Attributes:
         blocks: Of those that were meshed.
-        names: Of all blocks.
         missed: Why others have none, by name.
-        exceeded: Tensions over the strength of the stone, and this, Pa, by name.
     """
 
     blocks: tuple[StressedBlock, ...]
-    names: tuple[str, ...]
     missed: Mapping[str, str] = field(default_factory=dict)
-    exceeded: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def cracked(self) -> list[StressedBlock]:
+        """Blocks with a tension over the strength of their stone, the worst first."""
+        beyond = [one for one in self.blocks if one.tension[0] > one.strength]
+        return sorted(beyond, key=lambda one: -one.tension[0] / one.strength)
 
 
 # ---- what acts on a block
 
 
-def _signed_contacts(structure: Structure, block: int) -> Iterator[tuple[float, Contact, Indices]]:
-    """Contacts of a block with numbers of their points; 1.0 where it is the second, else -1.0."""
-    for number in np.flatnonzero(np.any(structure.pairs == block, axis=1)):
-        contact = structure.contacts[number]
-        points = np.flatnonzero(structure.points.contact == number)
-        yield (1.0 if contact.second == block else -1.0), contact, points
+class ForcesOnBlock(NamedTuple):
+    """What acts on a block.
+
+    Attributes:
+        at: Surfaces, or places, m, with forces there, N, shape (points, 3). Edges and corners, ties
+            and single forces act at places.
+        moments: Of body forces: their sum, N, and those of y F^T about the centroid, N m, shape
+            (4, 3).
+    """
+
+    at: list[tuple[Surface | Array, Array]]
+    moments: Array
 
 
-def _loads(structure: Structure, end: Collapse, block: int) -> Iterator[tuple[Acting, Any, Array]]:
-    """Loads, which of their parts act on a block, and these, N, shape (parts, 3)."""
+def forces_on_blocks(structure: Structure, end: Collapse) -> list[ForcesOnBlock]:
+    """What acts on the blocks in a state, in their order."""
+    found = [ForcesOnBlock([], np.zeros((4, 3))) for _ in structure.blocks]
+    points = structure.points
+    for number, contact in enumerate(structure.contacts):
+        mine = np.flatnonzero(points.contact == number)
+        on_second = np.asarray(end.force)[mine] @ contact.axes
+        for block, sign in ((contact.first, -1.0), (contact.second, 1.0)):
+            surface = Surface(contact.corners, contact.axes, -sign, points.area[mine])
+            bare = zip(points.position[mine], sign * on_second[:, None], strict=True)
+            is_face = len(contact.corners) > 2
+            found[block].at.extend([(surface, sign * on_second)] if is_face else bare)
+    for bar, tension in zip(structure.bars, np.asarray(end.tension), strict=True):
+        along = bar.ends[1] - bar.ends[0]
+        pull = tension * along[None] / np.linalg.norm(along)
+        for block, place, sign in zip(bar.blocks, bar.ends, (1.0, -1.0), strict=True):
+            if block != GROUND:
+                found[block].at.append((place, sign * pull))
     for key, acting in structure.acting.items():
         factor = float(end.load_factor) if key.startswith("loads.live") else 1.0
-        here = np.flatnonzero(acting.block == block)
-        yield acting, here, factor * acting.force[here]
-
-
-def forces_on(
-    structure: Structure, end: Collapse, block: int
-) -> Iterator[tuple[Surface | Array, Array]]:
-    """Surfaces, or places, m, and forces there, N, shape (points, 3), but for body forces.
-
-    Edges and corners, ties and single forces act at places.
-    """
-    for sign, contact, points in _signed_contacts(structure, block):
-        forces = sign * np.asarray(end.force)[points] @ contact.axes
-        if len(contact.corners) > 2:
-            areas = structure.points.area[points]
-            yield Surface(contact.corners, contact.axes, -sign, areas), forces
-        else:
-            yield from zip(structure.points.position[points], forces[:, None], strict=True)
-    for bar, tension in zip(structure.bars, np.asarray(end.tension), strict=True):
-        pull = tension * (bar.ends[1] - bar.ends[0]) / np.linalg.norm(bar.ends[1] - bar.ends[0])
-        ends = zip(bar.blocks, bar.ends, (pull, -pull), strict=True)
-        yield from ((place, force[None]) for of, place, force in ends if of == block)
-    for acting, here, forces in _loads(structure, end, block):
-        if acting.sides:
-            sides = (Surface.of_side(acting.sides[k]) for k in here)
-            yield from zip(sides, forces[:, None], strict=True)
-        elif acting.on:
-            yield from zip(acting.place[here], forces[:, None], strict=True)
+        for k, block in enumerate(acting.block.tolist()):
+            force = factor * acting.force[[k]]
+            if acting.on:
+                where = Surface.of_side(acting.sides[k]) if acting.sides else acting.place[k]
+                found[block].at.append((where, force))
+            else:
+                arm = acting.place[k] - structure.blocks[block].centroid
+                found[block].moments[:] += np.insert(arm, 0, 1.0)[:, None] * force
+    return found
 
 
 def at_nodes(
-    body: ElasticBody, placed: Placed, structure: Structure, end: Collapse, known: dict[bytes, Any]
+    body: ElasticBody, placed: Placed, given: ForcesOnBlock, known: dict[bytes, Any]
 ) -> Array:
     """F + B^T r of a block in the axes of its shape, N, shape (nodes, 3).
 
@@ -149,18 +157,14 @@ def at_nodes(
         SolverError: If a contact does not lie on the mesh.
     """
     turn = placed.rotation
-    moments = np.zeros((4, 3))
-    for acting, here, forces in _loads(structure, end, placed.block):
-        if not acting.on:
-            arms = placed.inside(acting.place[here]) - body.centroid
-            moments += np.insert(arms, 0, 1.0, axis=1).T @ (forces @ turn)
-    total = body.of_body(moments)
+    force, moments = given.moments[:1] @ turn, turn.T @ given.moments[1:] @ turn
+    total = body.of_body(np.vstack([force, moments]))
     size = body.volume ** (1.0 / 3.0)
-    for where, forces in forces_on(structure, end, placed.block):
+    for where, forces in given.at:
         if not isinstance(where, Surface):
-            cell = np.array([body.cell_at(placed.inside(where))])
-            share = body.shape_functions(cell, placed.inside(where)[None])
-            total[body.cell_nodes[cell[0]]] += share.T @ (forces @ turn)
+            cell = body.cell_at(placed.inside(where))
+            share = body.shape_functions(np.array([cell]), placed.inside(where)[None])
+            total[body.cell_nodes[cell]] += share.T @ (forces @ turn)
             continue
         corners, axes = placed.inside(where.corners), where.axes @ turn
         parts = corners / size, where.outwards * axes, where.areas / size**2
@@ -205,8 +209,8 @@ def sorted_blocks(scene: BlockScene, structure: Structure) -> list[list[Placed]]
 
 def stressed_blocks(
     scene: BlockScene, structure: Structure, end: Collapse, shapes: Sequence[Sequence[Placed]]
-) -> tuple[list[StressedBlock], dict[int, str]]:
-    """A task: stresses in blocks of some shapes, and why others have none, by their numbers.
+) -> BlockStresses:
+    """A task: stresses in blocks of some shapes.
 
     Args:
         scene: Materials, and the length of edges.
@@ -215,35 +219,43 @@ def stressed_blocks(
         shapes: Blocks by shape.
     """
     found: list[StressedBlock] = []
-    missed: dict[int, str] = {}
+    missed: dict[str, str] = {}
+    acts = forces_on_blocks(structure, end)
+    names = [block.name or str(k) for k, block in enumerate(structure.blocks)]
     for shape in shapes:
+        first = structure.blocks[shape[0].like]
+        strength = scene.material(first).tensile_strength or np.inf
         try:
-            body = _body(scene, structure.blocks[shape[0].like])
+            body = _body(scene, first)
         except SolverError as error:
-            missed |= {placed.block: str(error) for placed in shape}
+            missed |= {names[placed.block]: str(error) for placed in shape}
             continue
         known: dict[bytes, Any] = {}
         for start in range(0, len(shape), TOGETHER):
             forces = {}
             for placed in shape[start : start + TOGETHER]:
                 try:
-                    forces[placed] = at_nodes(body, placed, structure, end, known).ravel()
+                    forces[placed] = at_nodes(body, placed, acts[placed.block], known).ravel()
                 except SolverError as error:
-                    missed[placed.block] = str(error)
-            found += _stressed(body, forces) if forces else ()
-    return found, missed
+                    missed[names[placed.block]] = str(error)
+            for placed, *fields in _stressed(body, forces) if forces else ():
+                found.append(StressedBlock(placed.block, names[placed.block], strength, *fields))
+    return BlockStresses(tuple(found), missed)
 
 
-def _stressed(body: ElasticBody, forces: Mapping[Placed, Array]) -> Iterator[StressedBlock]:
-    """Stresses in blocks of one shape, by forces at their nodes, N, shape (3 nodes,)."""
+def _stressed(body: ElasticBody, forces: Mapping[Placed, Array]) -> Iterator[tuple[Any, ...]]:
+    """Stresses in blocks of one shape, by forces at their nodes, N, shape (3 nodes,).
+
+    They are told as the fields of `StressedBlock` from `points` on.
+    """
     given = np.array(list(forces.values())).T
     force = body.balanced(given)
     missing = np.linalg.norm(force - given, axis=0) / np.linalg.norm(given, axis=0)
     motions = body.displacements(force).T
     for placed, u, part in zip(forces, motions, missing.tolist(), strict=True):
         turn = placed.rotation
-        yield StressedBlock(
-            placed.block,
+        yield (
+            placed,
             placed.outside(body.points),
             body.cells,
             body.at_points(u.reshape(-1, 3)[body.cell_nodes[:, :4]]) @ turn.T,  # nodes at corners

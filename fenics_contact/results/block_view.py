@@ -231,7 +231,7 @@ class BlockView:
         way: After the peak: displacements, m, what is carried, and true poses of all blocks, their
             shifts, m, and vectors of their rotations, shape (blocks, 6); empty if it is not known.
         way_unit: Behind what is carried.
-        stresses: Largest "pressure" and "tension" of blocks, Pa, shape (blocks,); empty: not known.
+        stresses: Largest "pressure" and "tension" of blocks, MPa, shape (blocks,), if known.
     """
 
     bodies: Bodies

@@ -205,15 +205,10 @@ class Structure:
         return np.concatenate([axes[self.points.contact], along])
 
     @cached_property
-    def pairs(self) -> Indices:
-        """First and second block of every contact, shape (contacts, 2)."""
-        return np.array([(contact.first, contact.second) for contact in self.contacts])
-
-    @cached_property
     def ends(self) -> list[tuple[float, Indices, Array]]:
         """Of points and bars, the first and the second: sign, blocks, arms from centroids, m."""
-        of_points = self.pairs[self.points.contact]
-        blocks = np.vstack([of_points, *(bar.blocks for bar in self.bars)])
+        pairs = np.array([(contact.first, contact.second) for contact in self.contacts])
+        blocks = np.vstack([pairs[self.points.contact], *(bar.blocks for bar in self.bars)])
         centroid = np.array([*(block.centroid for block in self.blocks), np.zeros(3)])  # of GROUND
         places = [
             np.vstack([self.points.position, *(bar.ends[end] for bar in self.bars)])

@@ -85,13 +85,7 @@ def _data(views: Mapping[str, BlockView]) -> dict[str, Any]:
                 "motion": rounded(one.motion, digits + 1),
                 "share": rounded(one.share, 3),
                 "marked": one.marked,
-                "stresses": {
-                    kind: {
-                        "part": rounded(values / (values.max() or 1.0), 3),
-                        "most": f"{1e-6 * values.max():.3g} MPa",
-                    }
-                    for kind, values in one.stresses.items()
-                },
+                "stresses": {kind: rounded(mpa, 4) for kind, mpa in one.stresses.items()},
                 "unit": one.way_unit,
                 "way": [
                     {"at": at, "carried": carried, "pose": rounded(pose, digits + 1)}
