@@ -67,6 +67,8 @@ for name in re.findall(r"!\[[^]]*\]\(gallery/([^)]+)\)", (DOCS / "gallery.md").r
         width, colours = (SPACE, SPACE_COLOURS) if space else (WIDTH, COLOURS)
         if stem == "beyond":  # lines and grey blocks
             width, colours = PAGE, PAGE_COLOURS
+        if stem == "stresses":
+            width, colours = SPACE, 12
         picture.thumbnail((width, width))
     target = DOCS / "gallery" / name
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -83,7 +83,7 @@ def draw_stresses(
         for axes, (name, shade), parts in panels:
             most = float(np.percentile(parts, DARKEST)) or 1.0
             some = PolyCollection(flat[order, :, :2], array=1e-6 * parts[order], cmap=shade)
-            some.set(clim=(0.0, 1e-6 * most), edgecolor="face", linewidth=0.1)
+            some.set(clim=(0.0, 1e-6 * most), edgecolor="face", linewidth=0.4)
             axes.add_collection(some)
             axes.autoscale_view()
             axes.set_aspect("equal")

@@ -25,10 +25,10 @@ from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.parallel import MPI
 from fenics_contact.results.result import Collapse
-from fenics_contact.spatial.loads import GROUND
 from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
+from fenics_contact.spatial.ties import GROUND
 
 #: Right sides that are solved for at once.
 TOGETHER = 50

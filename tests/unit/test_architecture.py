@@ -34,7 +34,7 @@ FLOORS = (
     {"results"},
     {"collapse", "output", "console"},
     {"answers", "accuracy"},
-    {"equilibrium", "limit_load", "motion", "spatial"},
+    {"elastic", "equilibrium", "limit_load", "motion", "spatial"},
     {"sweeps"},
     {"cli"},
     {"__main__"},

@@ -88,6 +88,7 @@ _SHOWN = {
     "forces": "Joint forces at collapse, each through its centre of pressure",
     "thrust": "Lines of thrust",
     "stress": "Principal stresses",
+    "stresses": "Largest pressure and tension on the sides of blocks",
     "beyond": "What is left as the structure leans on, and its poses",
 }
 
