@@ -9,7 +9,7 @@ in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambd
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -47,19 +47,22 @@ def voigt(dimension: int) -> list[tuple[int, int]]:
     return [(i, i) for i in every] + [(i, j) for i in every for j in every if i < j]
 
 
+def symmetric(parts: Sequence[Any], dimension: int) -> Any:
+    """Symmetric tensor of UFL from its components in a vector, see `voigt`."""
+    every = range(dimension)
+    known = dict(zip(voigt(dimension), parts, strict=True))
+    return ufl.as_matrix([[known[min(i, j), max(i, j)] for j in every] for i in every])
+
+
 def stress_of(u: Any, law: Law) -> Any:
     """sigma(u) of a law, Pa."""
     if isinstance(law, tuple):
         return stress(u, *law)
     e = strain(u)
-    every = range(len(u))
-    places = voigt(len(u))
-    parts = [(1.0 if i == j else 2.0) * e[i, j] for i, j in places]
-    rows = [[law[len(parts) * k + n] for n in range(len(parts))] for k in range(len(parts))]
-    sigma = [sum(d * part for d, part in zip(row, parts, strict=True)) for row in rows]
-    return ufl.as_matrix(
-        [[sigma[places.index((min(i, j), max(i, j)))] for j in every] for i in every]
-    )
+    parts = [(1.0 if i == j else 2.0) * e[i, j] for i, j in voigt(len(u))]
+    count = len(parts)
+    sums = [sum(law[count * k + n] * parts[n] for n in range(count)) for k in range(count)]
+    return symmetric(sums, len(u))
 
 
 def stiffness(space: Any, law: Law) -> fem.Form:

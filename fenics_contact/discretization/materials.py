@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.discretization.forms import Law, voigt
+from fenics_contact.discretization.forms import Law, symmetric, voigt
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, Labels
 from fenics_contact.lazily import fem, ufl
@@ -60,13 +60,9 @@ def asked(law: StressLaw, material: Material, name: str, place: Any, dimension: 
     try:
         more = () if place is None or compat.arguments_of(law) < 3 else (place,)
         shape = dimension, dimension
-        tensors = []
-        for parts in STRAINS[dimension]:
-            strain = np.zeros(shape)
-            for (i, j), part in zip(voigt(dimension), parts, strict=True):
-                strain[i, j] += 0.5 * part
-                strain[j, i] += 0.5 * part
-            tensors.append(law(ufl.as_matrix(strain.tolist()), material, *more))
+        halved = [1.0 if i == j else 0.5 for i, j in voigt(dimension)]
+        strains = [symmetric((halved * parts).tolist(), dimension) for parts in STRAINS[dimension]]
+        tensors = [law(strain, material, *more) for strain in strains]
         for sigma in tensors:
             if ufl.shape(sigma) != shape:
                 raise ValueError(f"it has the shape {ufl.shape(sigma)}")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Self
@@ -28,8 +28,6 @@ from fenics_contact.scene.units import Units
 from fenics_contact.spatial.question import BlockQuestion
 from fenics_contact.workers import result_of, workers_of
 
-_log = logging.getLogger("fenics_contact")
-
 #: Title of its table, and of its picture.
 TITLE = "Stresses under the forces of this state"
 #: What is told of a block.
@@ -41,10 +39,7 @@ ROWS = 12
 #: A block whose forces miss balance by more, over the largest, is not on its mesh.
 UNBALANCED = 1e-2
 #: What the numbers are.
-NOTE = (
-    "Other forces of these blocks may be in equilibrium, too. Where joints open, pressure is spread"
-    " over the areas of their points; at sharp edges it grows as the mesh gets finer."
-)
+NOTE = "Other forces may be in equilibrium, too; at sharp edges stresses grow as meshes get finer."
 
 
 class StressAnswer(Asked):
@@ -54,7 +49,6 @@ class StressAnswer(Asked):
     name = key = "stress"
     place = 10
     begins = "stresses"
-    seconds = "stresses"
     asks = BlockQuestion
     with_fast = True
 
@@ -69,9 +63,8 @@ class StressAnswer(Asked):
         scene, structure, end = question.scene, question.structure, question.end
         shapes = sorted_blocks(scene, structure)
         share = workers_of(question.workers) + 1
-        state = Collapse(load_factor=end.load_factor, force=end.force, tension=end.tension)
         parts = [[shape[k::share] for shape in shapes if shape[k:]] for k in range(share)]
-        given = scene, structure, state
+        given = scene, structure, end
         tasks = [question.workers.submit(stressed_blocks, *given, part) for part in parts[1:]]
         found = [stressed_blocks(*given, parts[0])]
         found += [result_of(task, question.check_stop) for task in tasks]
@@ -80,13 +73,11 @@ class StressAnswer(Asked):
         off = [one.name for one in blocks if one.missing > UNBALANCED]
         missed |= dict.fromkeys(off, "its forces do not balance on its mesh")
         value = BlockStresses(tuple(one for one in blocks if one.name not in off), missed)
-        for text in _warnings(value, scene.units):
-            _log.warning("warning: %s", text)
         return cls(value), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The largest pressure and tension, and what is not known."""
-        told = [Line("", text) for text in _warnings(self.value, words.units)]
+        told = [Line("warning:", text) for text in _warnings(self.value, words.units)]
         if not self.value.blocks:
             return [Line("stresses:", "not known"), *told]
         parts = []
@@ -101,36 +92,33 @@ class StressAnswer(Asked):
         """The blocks that are pressed or pulled most."""
         value, units = self.value, words.units
         most = sorted(value.blocks, key=lambda one: -max(one.pressure, one.tension)[0])[:ROWS]
-        rows = []
+        rows: list[list[str]] = []
         for one in most:
-            pairs = (getattr(one, kind) for kind in KINDS)
-            cells = [(units.stress(stress, DIGITS), units.place(place)) for stress, place in pairs]
-            rows.append((one.name, *cells[0], *cells[1]))
+            rows.append([one.name])
+            for stress, place in (one.pressure, one.tension):
+                rows[-1] += [units.stress(stress, DIGITS), units.place(place)]
         head = "block", "largest pressure", "where", "largest tension", "where"
         return Table(rows, TITLE, head, " ".join([*_warnings(value, units), NOTE]))
 
     def record(self) -> dict[str, Any]:
         """Largest pressures and tensions of the blocks, Pa, with their places, m."""
-        blocks = [
-            {"name": one.name, **{kind: getattr(one, kind) for kind in KINDS}}
-            for one in self.value.blocks
-        ]
+        told = attrgetter("name", *KINDS)
+        blocks = [dict(zip(("name", *KINDS), told(one), strict=True)) for one in self.value.blocks]
         cracked = [one.name for one in self.value.cracked]
         return {"blocks": blocks, "cracked": cracked, "missed": self.value.missed}
 
     def seen(self, view: BlockView) -> BlockView:
         """Its viewer colours blocks by pressure and tension."""
         values = {kind: np.zeros(len(view.motion)) for kind in KINDS}
-        for one in self.value.blocks:
-            for kind, of_blocks in values.items():
-                of_blocks[one.block] = 1e-6 * getattr(one, kind)[0]
+        for one, kind in product(self.value.blocks, KINDS):
+            values[kind][one.block] = 1e-6 * getattr(one, kind)[0]
         return replace(view, stresses=values)
 
     def write(self, folder: Path, view: BlockView, output: OutputOptions) -> None:
         """Write what is asked for of stresses.vtu and stresses.png."""
-        if output.paraview:
+        if output.paraview and self.value.blocks:
             write_stresses(self.value, folder / f"stresses{view.suffix}.vtu")
-        if output.pictures:
+        if output.pictures and self.value.blocks:
             with going_on([]):
                 draw_stresses(self.value, view, folder, output.formats)
 
@@ -139,9 +127,9 @@ def _warnings(value: BlockStresses, units: Units) -> Iterator[str]:
     """Tensions beyond the strength of the stone, and blocks without stresses, in words."""
     if cracked := value.cracked:
         names = listed_blocks([one.name for one in cracked], "crack")
-        stress, limit = cracked[0].tension[0], cracked[0].strength
-        above = f"is above the tensile strength of {units.stress(limit)}"
-        yield f"{names} without iron: a tension of {units.stress(stress, DIGITS)} {above}"
+        worst = max(cracked, key=lambda one: one.tension[0] / one.strength)
+        above = f"is above the tensile strength of {units.stress(worst.strength)}"
+        yield f"{names} without iron: a tension of {units.stress(worst.tension[0], DIGITS)} {above}"
     if value.missed:
         why = next(iter(value.missed.values()))
         yield f"{listed_blocks([*value.missed], 'lack')} stresses: {why}"

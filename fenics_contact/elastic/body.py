@@ -18,6 +18,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
+from fenics_contact.faces.system import ORDERING
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.lazily import fem, fem_petsc, ufl
 from fenics_contact.parallel import MPI
@@ -34,7 +35,7 @@ class ElasticBody:
         cells: Numbers of these, shape (cells, 4).
         nodes: Of displacements, m, shape (nodes, 3).
         stiffness: K, N/m, sparse, shape (3 nodes, 3 nodes).
-        mass: Of a density of 1, m3, sparse, shape (nodes, nodes).
+        mass: M, m3, sparse, of this shape.
         rigid: R, rigid motions with R^T M R = 1, shape (3 nodes, 6).
     """
 
@@ -50,17 +51,16 @@ class ElasticBody:
             degree: Of displacements, 1 or 2.
         """
         here = compat.Partition.to(np.zeros(len(cells), dtype=np.int32))
+        given = cells.astype(np.int64), points, here
         with compat.quiet_compiler(), compat.form_cache():
-            domain, _ = compat.create_mesh(
-                MPI.COMM_SELF, "tetrahedron", cells.astype(np.int64), points, here
-            )
+            domain, _ = compat.create_mesh(MPI.COMM_SELF, "tetrahedron", *given)
             space = compat.function_space(domain, "Lagrange", degree, (3,))
         self._law = law(domain)  # which may compile something, too
         with compat.quiet_compiler(), compat.form_cache():
             u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
             mass = fem.form(ufl.inner(u, v) * ufl.dx)
             self.stiffness = _assembled(forms.stiffness(space, self._law))
-            self.mass = _assembled(mass)[::3, ::3]
+            self.mass = _assembled(mass)
             self._set_stresses(space)
         self.points = np.array(domain.geometry.x)
         self.cells = compat.geometry_dofs(domain).astype(np.int64)
@@ -70,14 +70,13 @@ class ElasticBody:
         self._at = np.column_stack([1.0 - reference.sum(axis=1), reference])  # barycentric
         corner = np.insert(self.points[self.cells], 0, 1.0, axis=2)
         self._inverse = np.linalg.inv(corner).transpose(0, 2, 1)
-        weight = np.asarray(self.mass.sum(axis=1)).ravel()
+        weight = np.asarray(self.mass.sum(axis=1))[::3, 0]
         self.volume = float(weight.sum())
         self.centroid = weight @ self.nodes / self.volume
         self.arm = self.nodes - self.centroid
-        turned = np.cross(np.eye(3)[None], self.arm[:, None])  # e_k x arm
-        motions = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), turned], axis=1)
-        motions = motions.transpose(0, 2, 1).reshape(-1, 6)
-        gram = motions.T @ self._mass_times(motions)
+        turned = np.cross(np.eye(3), self.arm[:, None]).transpose(0, 2, 1)  # e_k x arm
+        motions = np.hstack([np.tile(np.eye(3), (len(weight), 1)), turned.reshape(-1, 3)])
+        gram = motions.T @ (self.mass @ motions)
         self.rigid = motions @ np.linalg.inv(np.linalg.cholesky(gram)).T
 
     @cached_property
@@ -97,11 +96,10 @@ class ElasticBody:
         """
         part = np.einsum("pij,pj->pi", self._inverse[cells], np.insert(places, 0, 1.0, axis=1))
         first, second = self._at.argmax(axis=1), 3 - self._at[:, ::-1].argmax(axis=1)
-        product = part[:, first] * part[:, second]
         linear = part[:, first]
         if len(self._at) == 4:
             return np.asarray(linear)
-        return np.where(first == second, 2.0 * product - linear, 4.0 * product)
+        return np.where(first == second, 2.0 * linear - 1.0, 4.0 * part[:, second]) * linear
 
     def cell_at(self, place: Array) -> int:
         """The cell that a place is in, or nearest to."""
@@ -113,14 +111,14 @@ class ElasticBody:
         Args:
             moments: Its sum, N, and those of y F^T about the centroid, N m, shape (4, 3).
         """
-        affine = np.insert(self.arm, 0, 1.0, axis=1)
-        gram = affine.T @ (self.mass @ affine)
-        field = affine @ np.linalg.solve(gram, moments)
-        return np.asarray(self.mass @ field)
+        affine = np.kron(np.insert(self.arm, 0, 1.0, axis=1), np.eye(3))
+        forces = self.mass @ affine
+        field = np.linalg.solve(affine.T @ forces, moments.ravel())
+        return np.asarray(forces @ field).reshape(-1, 3)
 
     def balanced(self, force: Array) -> Array:
         """Forces at nodes, shape (3 nodes, .), less the body force that balances them."""
-        return np.asarray(force - self._mass_times(self.rigid @ (self.rigid.T @ force)))
+        return np.asarray(force - self.mass @ (self.rigid @ (self.rigid.T @ force)))
 
     def displacements(self, force: Array) -> Array:
         """u, m, shape (3 nodes, .), under forces that balance, N, of this shape."""
@@ -128,7 +126,7 @@ class ElasticBody:
         free, factor = self._factor
         for _ in range(2):  # the second time of what is left by rounding
             u[free] += factor.solve((force - self.stiffness @ u)[free])
-        return np.asarray(u - self.rigid @ (self.rigid.T @ self._mass_times(u)))
+        return np.asarray(u - self.rigid @ (self.rigid.T @ (self.mass @ u)))
 
     @cached_property
     def _factor(self) -> tuple[Indices, Any]:
@@ -139,13 +137,7 @@ class ElasticBody:
         held = qr(self.rigid.T, mode="r", pivoting=True)[1][:6]
         free = np.setdiff1d(np.arange(len(self.rigid)), held)
         matrix = self.stiffness[free][:, free].tocsc()
-        options = {"SymmetricMode": True}
-        order = "MMD_AT_PLUS_A"
-        return free, splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
-
-    def _mass_times(self, vectors: Array) -> Array:
-        """M times vectors, shape (3 nodes, .)."""
-        return np.asarray((self.mass @ vectors.reshape(len(self.nodes), -1)).reshape(vectors.shape))
+        return free, splu(matrix, ORDERING, 0.0, options={"SymmetricMode": True})
 
     def _set_stresses(self, space: Any) -> None:
         """Prepare the stresses of a displacement, which are linear in cells at most."""
@@ -193,7 +185,6 @@ def _assembled(form: Any) -> Any:
 
     matrix = fem_petsc.assemble_matrix(form)
     matrix.assemble()
-    start, columns, values = matrix.getValuesCSR()
-    found = csr_matrix((values, columns, start), matrix.getSize())
+    found = csr_matrix(matrix.getValuesCSR()[::-1], matrix.getSize())
     matrix.destroy()
     return found

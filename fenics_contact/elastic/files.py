@@ -32,8 +32,6 @@ def write_stresses(stresses: BlockStresses, path: Path) -> None:
         OSError: If the file cannot be written.
     """
     blocks = stresses.blocks
-    if not blocks:
-        return
     points = [len(one.points) for one in blocks]
     start = np.cumsum(points) - points
     cells = np.vstack([one.cells + first for one, first in zip(blocks, start, strict=True)])
@@ -64,8 +62,6 @@ def draw_stresses(
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
-    if not stresses.blocks:
-        return
     turn = axes_to(VIEWS[3]["oblique"])
     corners, values = (
         np.concatenate(parts) for parts in zip(*map(_surface, stresses.blocks), strict=True)

@@ -21,8 +21,8 @@ import numpy as np
 from fenics_contact.elastic.body import ElasticBody
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.spatial.contacts import clipped, frame, polygon_area
-from fenics_contact.spatial.points import PLACES, polygon_centroid
+from fenics_contact.spatial.contacts import Contact, clipped, frame
+from fenics_contact.spatial.points import PLACES, points_of, polygon_centroid
 
 #: Cosine of the angle up to which a facet faces a contact.
 FACING = 0.99
@@ -33,13 +33,11 @@ COVERED = 0.5
 #: Gauss' points: products of two bicubic functions and quadratic ones are exact.
 GAUSS = 5
 #: Steps of Newton's method; it has all digits after a few.
-STEPS = 12
+STEPS = 8
 #: Corners this near to a line are on it, in parts of the patch.
 ROUNDING = 1e-13
 #: Places along rays, and along edges.
 RAYS, EDGE = np.array([0.5, 1.0]), np.array([0.0, 0.5, 1.0])
-#: Of a constant.
-MIDDLE = np.array([0.5])
 
 
 class Patch(NamedTuple):
@@ -63,7 +61,7 @@ class Surface(NamedTuple):
         corners: m, counterclockwise about the normal, shape (corners, 3).
         axes: Normal and tangents, shape (3, 3).
         outwards: 1.0 where the normal points out of the block, -1.0 where it points into it.
-        areas: Of the points, m2, as of `spatial.points.points_of`; or of one value for all.
+        areas: Of the points, m2, as of `spatial.points.points_of`.
     """
 
     corners: Array
@@ -73,29 +71,23 @@ class Surface(NamedTuple):
 
     @classmethod
     def of_side(cls, corners: Array) -> Surface:
-        """A side over which one value is spread, m, shape (corners, 3)."""
+        """A side of a block, with corners in m, shape (corners, 3)."""
         along = corners[1] - corners[0]
         axes = frame(np.cross(along, corners[2] - corners[1]), along)
-        area = polygon_area((corners - corners[0]) @ axes[1:].T)
-        return cls(corners, axes, 1.0, np.array([area]))
+        return cls(corners, axes, 1.0, points_of(Contact(0, 0, axes, corners))[1])
 
     def patches(self) -> Iterator[Patch]:
         """Its patches, in its plane from the first corner."""
         flat = (self.corners - self.corners[0]) @ self.axes[1:].T
         count = len(flat)
-        if len(self.areas) == 1:
-            for k in range(1, count - 1):
-                corners = flat[[0, k, k + 1, 0]]
-                yield Patch(corners, (MIDDLE, MIDDLE), np.zeros(1, dtype=np.int64))
-        elif count == 4:
+        if count == 4:
             yield Patch(flat, (PLACES, PLACES), np.arange(16))
-        else:
-            centre = polygon_centroid(flat)
-            for k in range(count):
-                following = (k + 1) % count
-                ring = np.array([k, count + k, following])
-                corners = np.array([centre, flat[k], flat[following], centre])
-                yield Patch(corners, (RAYS, EDGE), np.concatenate([2 * count + ring, ring]))
+            return
+        centre = polygon_centroid(flat)
+        for k in range(count):
+            ring = np.array([k, count + k, (k + 1) % count])
+            corners = np.array([centre, flat[k], flat[(k + 1) % count], centre])
+            yield Patch(corners, (RAYS, EDGE), np.concatenate([2 * count + ring, ring]))
 
 
 def means(body: ElasticBody, surface: Surface) -> Any:
@@ -112,8 +104,8 @@ def means(body: ElasticBody, surface: Surface) -> Any:
     away, flat = np.abs(place[..., 0]).mean(axis=1), place[..., 1:]
     edge = (corners - corners[0]) @ axes[1:].T
     here = outwards * (normals @ axes[0]) > FACING
-    here &= np.all(flat.max(axis=1) > edge.min(axis=0), axis=1)
-    here &= np.all(flat.min(axis=1) < edge.max(axis=0), axis=1)
+    low, high = edge.min(axis=0), edge.max(axis=0)
+    here &= np.all((flat.max(axis=1) > low) & (flat.min(axis=1) < high), axis=1)
     here &= away <= away[here].min(initial=np.inf) + BEHIND * np.sqrt(areas.sum())
     flat, cells = flat[here, :: int(outwards)], cells[here]
     found = np.zeros((len(areas), len(body.nodes)))
@@ -182,8 +174,5 @@ def _inverse(patch: Array, places: Array) -> Array:
         u, v = found.T[:, :, None]
         missed = a * (1 - u) * (1 - v) + b * u * (1 - v) + c * u * v + d * (1 - u) * v - places
         by_u, by_v = (b - a) * (1 - v) + (c - d) * v, (d - a) * (1 - u) + (c - b) * u
-        step = np.linalg.solve(np.stack([by_u, by_v], axis=2), missed[..., None])[..., 0]
-        found = found - step
-        if np.abs(step).max(initial=0.0) < ROUNDING:
-            break
+        found = found - np.linalg.solve(np.stack([by_u, by_v], axis=2), missed[..., None])[..., 0]
     return found

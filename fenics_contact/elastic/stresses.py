@@ -16,14 +16,15 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
-from fenics_contact.discretization.materials import cell_field, given_law, lame_numbers
+from fenics_contact.discretization.materials import given_law, lame_numbers
 from fenics_contact.elastic.body import ElasticBody
 from fenics_contact.elastic.means import Surface, means
 from fenics_contact.elastic.shapes import Placed, shapes_of
 from fenics_contact.elastic.tetrahedra import tetrahedra
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.parallel import MPI
+from fenics_contact.lazily import fem
+from fenics_contact.parallel import MPI, PETSc
 from fenics_contact.results.result import Collapse
 from fenics_contact.spatial.polyhedra import Block
 from fenics_contact.spatial.scene import BlockScene
@@ -93,9 +94,8 @@ class BlockStresses:
 
     @property
     def cracked(self) -> list[StressedBlock]:
-        """Blocks with a tension over the strength of their stone, the worst first."""
-        beyond = [one for one in self.blocks if one.tension[0] > one.strength]
-        return sorted(beyond, key=lambda one: -one.tension[0] / one.strength)
+        """Blocks with a tension over the strength of their stone."""
+        return [one for one in self.blocks if one.tension[0] > one.strength]
 
 
 # ---- what acts on a block
@@ -137,9 +137,11 @@ def forces_on_blocks(structure: Structure, end: Collapse) -> list[ForcesOnBlock]
         factor = float(end.load_factor) if key.startswith("loads.live") else 1.0
         for k, block in enumerate(acting.block.tolist()):
             force = factor * acting.force[[k]]
-            if acting.on:
-                where = Surface.of_side(acting.sides[k]) if acting.sides else acting.place[k]
-                found[block].at.append((where, force))
+            if acting.sides:
+                side = Surface.of_side(acting.sides[k])
+                found[block].at.append((side, np.outer(side.areas / side.areas.sum(), force)))
+            elif acting.on:
+                found[block].at.append((acting.place[k], force))
             else:
                 arm = acting.place[k] - structure.blocks[block].centroid
                 found[block].moments[:] += np.insert(arm, 0, 1.0)[:, None] * force
@@ -187,14 +189,12 @@ def _body(scene: BlockScene, block: Block) -> ElasticBody:
     material = scene.material(block)
 
     def law(domain: Any) -> forms.Law:
-        count = domain.topology.index_map(3).size_local
-        if scene.stress is not None:
-            of_cell, names = np.zeros(count, dtype=np.int32), np.array([block.group])
-            materials = {block.group: material}
-            return given_law(scene.stress, domain, names, of_cell, materials, MPI.COMM_SELF)
-        first, shear = (np.full(count, value) for value in lame_numbers(material))
-        like = cell_field(domain, "material", first)
-        return like, cell_field(domain, "material", shear, like)
+        if scene.stress is None:
+            numbers = lame_numbers(material)
+            return tuple(fem.Constant(domain, PETSc.ScalarType(value)) for value in numbers)
+        of_cell = np.zeros(domain.topology.index_map(3).size_local, dtype=np.int32)
+        parts = np.array([block.group]), of_cell, {block.group: material}
+        return given_law(scene.stress, domain, *parts, MPI.COMM_SELF)
 
     return ElasticBody(*tetrahedra(block, scene.mesh_size), law)
 

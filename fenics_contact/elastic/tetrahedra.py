@@ -44,8 +44,7 @@ def tetrahedra(block: Block, size: float | None = None) -> tuple[Array, Indices]
         raise SolverError(f"gmsh: {' '.join(str(error).split())}") from error
     volume = np.linalg.det(nodes[cells[:, 1:]] - nodes[cells[:, :1]]).sum() / 6.0
     if abs(volume - block.volume) > VOLUME * block.volume:
-        text = f"its tetrahedra have {volume:.4g} of {block.volume:.4g} m3"
-        raise SolverError(text)
+        raise SolverError(f"its tetrahedra have {volume:.4g} of {block.volume:.4g} m3")
     return nodes, cells
 
 

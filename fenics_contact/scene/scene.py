@@ -94,6 +94,7 @@ MOST_FRICTION = 1e12
 #: Largest height of soil and water, m, also in map coordinates.
 HIGHEST = 1e9
 LEVEL = within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m")
+RATIO = rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)")
 ANGLE = rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees")
 TURN = within(-360.0, 360.0, "must lie in -360 ... 360 degrees")
 
@@ -130,9 +131,7 @@ class Material(Checked):
     young: float = ruled(
         rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", require_size), 5e9
     )
-    poisson: float = ruled(
-        rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"), 0.2, of="elastic"
-    )
+    poisson: float = ruled(RATIO, 0.2, of="elastic")
     density: float = ruled(NOT_NEGATIVE, 0.0)
     compressive_strength: float | None = ruled(STRENGTH, None)
     tensile_strength: float | None = ruled(STRENGTH, None, of="space")

@@ -76,7 +76,7 @@ def test_console_and_report_tell_them(solved):
     text = summary(result)
     assert "stresses: pressure up to " in text
     assert "under these forces" in text
-    assert "block upper cracks without iron: a tension of" in text
+    assert "warning: block upper cracks without iron: a tension of" in text
     assert "is above the tensile strength of 1000 Pa" in text
     page = (folder / "report.html").read_text()
     assert "Stresses under the forces of this state" in page
