@@ -96,7 +96,7 @@ class ElasticBody:
         """
         part = np.einsum("pij,pj->pi", self._inverse[cells], np.insert(places, 0, 1.0, axis=1))
         first, second = self._at.argmax(axis=1), 3 - self._at[:, ::-1].argmax(axis=1)
-        linear = part[:, first]
+        linear = part[:, first]  # l_a at corners; l_a (2 l_a - 1) there, 4 l_a l_b at edges
         if len(self._at) == 4:
             return np.asarray(linear)
         return np.where(first == second, 2.0 * linear - 1.0, 4.0 * part[:, second]) * linear
