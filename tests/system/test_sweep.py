@@ -152,8 +152,8 @@ def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: 
 @pytest.mark.parametrize(
     ("number", "jobs"),
     [
-        (signal.SIGINT, "2"),
-        pytest.param(signal.SIGINT, "1", marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, "2", marks=pytest.mark.slow),
+        (signal.SIGINT, "1"),
         pytest.param(signal.SIGTERM, "1", marks=pytest.mark.slow),
         pytest.param(signal.SIGTERM, "2", marks=pytest.mark.slow),
     ],
