@@ -21,7 +21,7 @@ from fenics_contact.geometry.meshing import Drawing, drawing_of
 from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed
-from fenics_contact.scene.toml_tables import from_table, refuse_unknown
+from fenics_contact.scene.toml_tables import as_mapping, from_table, refuse_unknown
 from fenics_contact.spatial.polyhedra import Block, Polyhedron
 from fenics_contact.spatial.surfaces import Surface, blocks_of
 
@@ -147,6 +147,13 @@ class _Changes(Checked):
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Place(Checked):
+    """Where the origin of a file or builder lies, m."""
+
+    at: tuple[float, ...]
+
+
 class ReadBlocks(NamedTuple):
     """Blocks of the table [blocks].
 
@@ -176,14 +183,47 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> R
     up = given.pop("up") if isinstance(given.get("up"), str) else axes[-1]
     require(up in axes, f"blocks.up = '{up}' must be one of {listed(axes)}")
     size = None if isinstance(given.get("size"), Mapping) else given.pop("size", None)
-    if isinstance(given.get("file"), str) or isinstance(given.get("builder"), str):
+    if _is_made(given):
         read = _made(given, folder, dimension == 2)
     else:
-        kind: Any = _Polygon if dimension == 2 else _Block
-        shapes = {name: from_table(kind, item, f"blocks.{name}") for name, item in given.items()}
-        read = ReadBlocks(tuple(shape.block(name) for name, shape in shapes.items()))
+        read = _joined([_part(name, item, folder, dimension) for name, item in given.items()])
     read = read._replace(size=size)
     return read if up == axes[-1] else _upright(read, *UPWARDS[up])
+
+
+def _is_made(given: Mapping[str, Any]) -> bool:
+    """Whether a table is of a file or builder."""
+    return any(isinstance(given.get(key), str) for key in ("file", "builder"))
+
+
+def _part(name: str, table: Any, folder: Path, dimension: int) -> ReadBlocks:
+    """A block by its shape, or the blocks of a file or builder at a place, called after it."""
+    given = dict(as_mapping(f"blocks.{name}", table))
+    if not _is_made(given):
+        kind: Any = _Polygon if dimension == 2 else _Block
+        return ReadBlocks((from_table(kind, given, f"blocks.{name}").block(name),))
+    place = {"at": given.pop("at", [0.0] * dimension)}
+    at = np.array(from_table(_Place, place, f"blocks.{name}").at)
+    require(len(at) == dimension, f"blocks.{name}.at must be {dimension} numbers, m")
+    try:
+        read = _made(given, folder, dimension == 2)
+    except InputError as error:
+        raise InputError(f"blocks.{name}: {error}") from None
+    shift = at if dimension == 3 else np.insert(at, 1, 0.0)
+    moved = (_moved(block, lambda corners: corners + shift) for block in read.blocks)
+    blocks = tuple(replace(block, name=f"{name}_{block.name}") for block in moved)
+    sides = {side: (np.array(lines) + at).tolist() for side, lines in read.sides.items()}
+    return read._replace(blocks=blocks, sides=sides)
+
+
+def _joined(parts: Sequence[ReadBlocks]) -> ReadBlocks:
+    """Blocks of all parts; sides of one name are one."""
+    sides: dict[str, Any] = {}
+    for name, lines in (item for part in parts for item in part.sides.items()):
+        sides[name] = [*sides.get(name, []), *lines]
+    told = "; ".join(part.told for part in parts if part.told)
+    notes = tuple(note for part in parts for note in part.notes)
+    return ReadBlocks(tuple(b for part in parts for b in part.blocks), told, notes, sides)
 
 
 def _upright(read: ReadBlocks, order: Sequence[int], signs: Sequence[int]) -> ReadBlocks:

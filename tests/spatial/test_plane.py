@@ -334,3 +334,24 @@ def test_a_block_with_a_hole_is_told(tmp_path):
         scene_of(tmp_path, blocks={"file": "ring.msh"})
     with pytest.raises(InputError, match=r"ring\.msh is in m"):
         scene_of(tmp_path, blocks={"file": "ring.msh", "unit": "mm"})
+
+
+def test_builders_files_and_blocks_in_one_scene(tmp_path):
+    write_dxf(tmp_path / "stone.dxf", [([(0, 0), (1, 0), (1, 2), (0, 2)], "stones")], unit=6)
+    parts = {
+        "cap": {"polygon": [[4.0, 2.0], [5.0, 2.0], [5.0, 3.0], [4.0, 3.0]]},
+        "left": {"file": "stone.dxf"},
+        "right": {"file": "stone.dxf", "at": [4.0, 0.0]},
+    }
+    scene = scene_of(tmp_path, blocks=parts, foundations={"base": {"friction": 0.6}})
+    extents = {block.name: np.array(block.extent)[:, ::2].tolist() for block in scene.blocks}
+    (left,) = (name for name in extents if name.startswith("left_"))
+    (right,) = (name for name in extents if name.startswith("right_"))
+    assert extents[left] == [[0.0, 0.0], [1.0, 2.0]]
+    assert extents[right] == [[4.0, 0.0], [5.0, 2.0]]
+    assert rigid.limit_load(scene).load_factor == pytest.approx(0.3, abs=1e-6)  # the cap slides
+    wrong = {**parts, "right": {**parts["right"], "at": [4.0]}}
+    with pytest.raises(InputError, match=r"blocks\.right\.at must be 2 numbers"):
+        scene_of(tmp_path, blocks=wrong)
+    with pytest.raises(InputError, match=r"blocks\.right: .*other\.dxf"):
+        scene_of(tmp_path, blocks={"right": {"file": "other.dxf"}})
