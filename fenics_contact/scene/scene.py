@@ -235,6 +235,8 @@ class Force(Checked):
         y: Place, m; where left out, the highest edge above or below `x` that looks up. Without a
             mesh the highest side at `x`, in space at `x` and `y`, is meant.
         width: The force is spread evenly over so much of the edge, m; 0 for a point.
+        axles: Of a train whose first one is at `x`: how far behind, m, and their parts of the
+            force; those beside the structure are left out.
         block: Name of the block that it acts on; by default the one at `at`.
         at: Where, m; by default the block's centroid.
         sides: Name of sides that it is spread over evenly, in place of a block.
@@ -244,6 +246,7 @@ class Force(Checked):
     x: float | None = ruled(FINITE, None)
     y: float | None = ruled(FINITE, None)
     width: float = ruled(NOT_NEGATIVE, 0.0, of="mesh")
+    axles: tuple[tuple[float, float], ...] = only("blocks", ())
     block: str | None = only("blocks")
     at: Vector | None = ruled(require_vector, None, of="blocks")
     sides: str | None = only("blocks")
@@ -254,6 +257,7 @@ class Force(Checked):
         given = [self.x is not None, placed, self.sides is not None]
         text = "x is missing; with blocks in place of a mesh give either block or at, or sides"
         require(given.count(True) == 1, text)
+        require(not self.axles or self.x is not None, "axles need x, the place of the first one")
 
 
 #: Its name in scenes with a mesh.

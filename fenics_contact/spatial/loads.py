@@ -250,10 +250,10 @@ def surface_loads(
             given[place] = (force.sides, vector, False)
             continue
         if force.x is not None:
-            number, at = _top_at(place, force, blocks, near)
-        else:
-            number = numbered(place, blocks, force.block, force.at, near)
-            at = blocks[number].centroid if force.at is None else lifted(force.at)
+            yield place, _from_above(place, force, blocks, near)
+            continue
+        number = numbered(place, blocks, force.block, force.at, near)
+        at = blocks[number].centroid if force.at is None else lifted(force.at)
         yield (
             place,
             Acting(np.array([number]), at[None], vector[None], f"block {blocks[number].name}"),
@@ -287,11 +287,25 @@ def inside_of(loop: Array, piece: Polyhedron, near: float) -> Array:
     return loop
 
 
-def _top_at(key: str, force: Force, blocks: Sequence[Block], near: float) -> tuple[int, Array]:
-    """Number of the block with the highest top at a place in plan, and the place on it, m."""
+def _from_above(key: str, force: Force, blocks: Sequence[Block], near: float) -> Acting:
+    """A force on the highest side at its place, or those of a train's axles."""
     text = f"{key}.y: the highest side at x is meant; give either x alone, or at"
     require(force.y is None or len(force.force) == 3, text)
-    plan = [force.x, force.y or 0.0]
+    first, y = float(force.x or 0.0), force.y or 0.0
+    axles = [
+        (number, place, part)
+        for behind, part in force.axles or ((0.0, 1.0),)
+        for number, place in _top_at([first - behind, y], blocks, near)
+    ]
+    require(bool(axles), f"{key}: there is no block above or below ({first:g}, {y:g})")
+    numbers, places, parts = zip(*axles, strict=True)
+    told = "block " + ", ".join(blocks[number].name for number in dict.fromkeys(numbers))
+    forces = np.outer(parts, lifted(force.force))
+    return Acting(np.array(numbers), np.array(places), forces, told)
+
+
+def _top_at(plan: list[float], blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
+    """Number of the block with the highest top at a place in plan, and the place on it, m."""
     heights = np.array([block.extent for block in blocks])[..., 2]
     line = np.array([[*plan, z] for z in (heights.min() - 1.0, heights.max() + 1.0)])
     tops = [
@@ -300,9 +314,9 @@ def _top_at(key: str, force: Force, blocks: Sequence[Block], near: float) -> tup
         for part in (inside_of(line, piece, near) for piece in block.pieces)
         if len(part) and not block.fixed
     ]
-    require(bool(tops), f"{key}: there is no block above or below ({plan[0]:g}, {plan[1]:g})")
-    height, number = max(tops)
-    return number, np.array([*plan, height])
+    if tops:
+        height, number = max(tops)
+        yield number, np.array([*plan, height])
 
 
 def sides_told(areas: Sequence[float]) -> str:

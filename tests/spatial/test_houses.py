@@ -117,3 +117,28 @@ def test_an_axle_on_the_highest_side(tmp_path):
         acting(x=0.5, y=1.0)
     with pytest.raises(InputError, match=r"force\.axle\.width is of scenes with a mesh"):
         acting(x=0.5, width=1.0)
+
+
+@pytest.mark.parametrize("place", [2.8, 3.5])
+def test_a_train_tips_a_slab_over_the_edge_of_its_pier(tmp_path, place):
+    """W b = lambda P sum p_i a_i about the edge; the first axle at 3.5 m is beside the slab."""
+    blocks = {
+        "pier": {"polygon": [[1, 0], [2, 0], [2, 2], [1, 2]], "fixed": True},
+        "slab": {"polygon": [[0, 2], [3, 2], [3, 2.5], [0, 2.5]]},
+    }
+    train = {"x": place, "force": [0.0, -1e3], "axles": [[0.0, 1.0], [1.0, 0.5]]}
+    loads = {"dead": {"body": [0.0, -9.81]}, "live": {"force": {"train": train}}}
+    scene = Scene.from_tables(
+        {
+            "blocks": blocks,
+            "materials": {"default": {"density": 2000.0}},
+            "joints": {"default": {"friction": 0.6}},
+            "loads": loads,
+        },
+        tmp_path,
+    )
+    arm = sum(
+        part * (place - behind - 2.0) for behind, part in train["axles"] if place - behind < 3.0
+    )
+    weight = 2000.0 * 9.81 * 3.0 * 0.5
+    assert limit_load(scene).load_factor == pytest.approx(0.5 * weight / (1e3 * arm), rel=1e-6)
