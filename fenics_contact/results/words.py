@@ -213,7 +213,8 @@ def walls_of(view: BlockView) -> dict[str, Flags]:
             if mine.sum() > 1 and not _is_most(view, mine, view.bodies.volume > 0.0):
                 group = groups[int(np.argmax(mine))]
                 kind = "part" if group == "default" else group.removesuffix("s")
-                names[mine] = f"{name} {kind}" if name in SIDES else name.replace("_", " ")
+                is_wall = name in {*SIDES, "inner"}
+                names[mine] = f"{name} {kind}" if is_wall else name.replace("_", " ")
     return {name: names == name for name in dict.fromkeys(names) if name}
 
 

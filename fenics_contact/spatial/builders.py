@@ -601,7 +601,9 @@ def _openings(
         start, end, bottom, top = row
         require(start < end, f"{name}: from = {start:g} must be less than to = {end:g}")
         within = least - SAME * brick <= start and end <= most + SAME * brick
-        require(within, f"{name} must be between {least:g} and {most:g}, half a brick from ends")
+        require(
+            within, f"{name} must be between {least:g} and {most:g}, half a brick from its ends"
+        )
         first, lintel = round(bottom / rise), round(top / rise)
         text = f"bottom = {bottom:g} and top = {top:g} must be between 0 and {room:g}"
         fits = 0 <= first < lintel < count
@@ -610,7 +612,8 @@ def _openings(
             apart = [max(start - b, a - end) for a, b, _ in taken[course]]
             beside = min(apart, default=brick) > (1.0 - 2.0 * SAME) * brick
             require(
-                beside, f"{name} is less than a brick away from another opening or an inner wall"
+                beside,
+                f"{name} is less than {brick:g} m, a brick, from an opening or an inner wall",
             )
             taken[course].append((start, end, "lintels" if course == lintel else ""))
     return taken

@@ -19,6 +19,7 @@ from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.words import mechanism_record
+from fenics_contact.scene.units import PER_METRE
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.result import SpatialLimit
 from fenics_contact.spatial.structure import Structure
@@ -122,6 +123,7 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
     size = dict(zip(("width", "depth", "height"), np.ptp(extent, axis=(0, 1)), strict=True))
     if structure.dimension == 2:
         size.pop("depth")
+    whole = structure.dimension == 3
     return {
         **result.scene.tables(),
         "thickness": result.scene.thickness,
@@ -139,7 +141,7 @@ def scene_record(result: SpatialLimit) -> dict[str, Any]:
             }
             for key, some in areas.items()
         ],
-        "units": dict(UNITS),
+        "units": {k: u.partition(f" {PER_METRE}")[0] if whole else u for k, u in UNITS.items()},
         "groups": [
             {"group": name, "blocks": len(some), "volume": sum(some)}
             for name, some in volumes.items()

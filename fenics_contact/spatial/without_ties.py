@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from fenics_contact.answers.question import Asked
 from fenics_contact.answers.seismic import seismic_check
-from fenics_contact.errors import SolverError, require
+from fenics_contact.errors import SolverError, Stopped, require
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
@@ -39,6 +38,7 @@ class WithoutTies:
             lower state than that without; nan if not known, empty where they do not.
         needed: Yields with which a0* reaches the demand, over those given: 0 if it does so without
             ties, infinite if with none; None: no demand is given, or none was found.
+        reason: Why none was found.
     """
 
     status: str
@@ -46,6 +46,7 @@ class WithoutTies:
     yields: tuple[float, float] = (math.nan, math.nan)
     lowest: tuple[float, ...] = ()
     needed: float | None = None
+    reason: str = ""
 
 
 class WithoutTiesAnswer(Asked):
@@ -76,8 +77,12 @@ class WithoutTiesAnswer(Asked):
         if bare.end.status == "limit" and less and LowestOfBlocks.concerns(question):
             found = replace(found, lowest=(_lowest(question), _lowest(bare)))
         if question.scene.seismic is not None and question.scene.seismic.demand is not None:
-            with suppress(SolverError):
+            try:
                 found = replace(found, needed=_needed(question, bare))
+            except SolverError as error:
+                found = replace(found, reason=str(error))
+            except Stopped as stop:
+                found, end = replace(found, reason=str(stop)), replace(end, stopped=str(stop))
         return cls(found), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
@@ -86,12 +91,15 @@ class WithoutTiesAnswer(Asked):
         factors = (found.load_factor, end.load_factor, *found.lowest)
         between = 0.5 * sum(factors[:2])
         bare, tied, *lowest = (words.beside(one, between, end.sign) for one in factors)
-        bare = {"limit": bare, "unbounded": "no limit"}.get(found.status, "no equilibrium")
+        others = {"unbounded": "no limit", "not_converged": "what is not known"}
+        bare = {"limit": bare, **others}.get(found.status, "no equilibrium")
         head = f"ties of {_forces(found, 1.0, words.units)}:"
         lines = [Line(head, f"from {bare} to {tied} {words.unit}")]
         if lowest:
             text = f"lowest states found: {lowest[0]} with them, {lowest[1]} without"
             lines.append(Line("ties lead to a lower state than the one without:", text))
+        if found.reason:
+            lines.append(Line("needed for the demand:", f"not known: {found.reason}"))
         if found.needed is not None:
             few = {0.0: "no ties", math.inf: "more than any yield of these ties"}
             text = few.get(found.needed) or _forces(found, found.needed, words.units)
@@ -106,12 +114,17 @@ def _forces(found: WithoutTies, factor: float, units: Units) -> str:
 
 
 def _with_yields(question: BlockQuestion, factor: float) -> BlockQuestion:
-    """The collapse with yields and prestresses that are multiplied; without ties for 0."""
+    """The collapse with yields and prestresses that are multiplied; without ties for 0.
+
+    Raises:
+        Stopped: If the run is to end.
+    """
     structure, end = question.structure, question.end
     bars = [replace(bar, tie=part_of(bar.tie, factor)) for bar in structure.bars if factor]
     structure = replace(structure, bars=tuple(bars))
     asked = question.options.asked_gap
     found, search = searched_for(structure, end.sign, asked, question.check_stop)
+    require(not found.stopped, found.stopped, Stopped)
     return replace(question, structure=structure, end=found, search=search or question.search)
 
 

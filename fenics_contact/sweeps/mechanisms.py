@@ -238,7 +238,7 @@ def mechanisms(
                 check_stop()
                 found = result_of(one, check_stop)
             except Stopped as end:
-                stopped = str(end)
+                stopped = f"{end}; parts that were not asked may be worse"
                 found = last_result_of(one, executor) or []
             for row in found:
                 tell(row)

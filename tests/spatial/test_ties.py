@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fenics_contact import InputError
+from fenics_contact.limit_load import Monitor
 from fenics_contact.spatial import Scene, limit_load
 from fenics_contact.sweeps.sweep import sweep
 from tests.system.program import toml
@@ -225,3 +226,33 @@ def test_ties_are_left_out_where_that_is_asked(tmp_path):
     for options in ({"ties": False}, {"fast": True}):
         scene = anchored(2, folder=tmp_path, solve=options)
         assert limit_load(scene).ends["positive"].without_ties is None
+
+
+@pytest.mark.parametrize("asks", [0, 40])
+def test_a_stopped_search_without_ties_is_told(tmp_path, asks):
+    """Nothing is told of a structure whose search was stopped: neither that it falls, nor less."""
+
+    class Bell(Monitor):
+        left = None
+
+        def phase(self, text):
+            if text == "the collapse without ties":
+                self.left = asks
+
+        def stop(self):
+            if self.left is None:
+                return ""
+            self.left -= 1
+            return "the bell rang" * (self.left < 0)
+
+    bell = Bell()
+    scene = anchored(2, folder=tmp_path, seismic={"demand": 3.0})
+    result = limit_load(scene, bell, stop=bell.stop)
+    assert result.status == "limit"
+    told = result.summary()
+    assert "no equilibrium" not in told
+    rang = bell.left < 0
+    assert result.stopped.endswith("the bell rang") is rang
+    known = result.ends["positive"].answers.get("without_ties")
+    if rang and known is not None:
+        assert "needed for the demand: not known: stopped by the bell rang" in told

@@ -110,8 +110,9 @@ RANGE = (
 
 NOTES = (
     "What is carried without any friction is surely carried.",
-    "Displacements are small. Loads and blocks of a planar model do not leave its plane.",
+    "Displacements are small.",
 )
+IN_PLANE = "Loads and blocks of a planar model do not leave its plane."
 #: What the blocks do, without and with a compressive strength.
 WITHOUT_STRENGTH = "The blocks are elastic. They do not crush or crack."
 WITH_STRENGTH = (

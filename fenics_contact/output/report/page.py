@@ -36,6 +36,7 @@ from fenics_contact.output.report.content import (
     read_sweep,
 )
 from fenics_contact.output.report.html import (
+    IN_PLANE,
     KEYS,
     MEANING,
     NOTES,
@@ -422,7 +423,9 @@ def notes(content: Content) -> Iterator[str]:
     given = [one.get("compressive_strength") for kind in kinds for one in scene[kind].values()]
     yield heading("What to know when you use these numbers")
     rigid = "cells" not in content.record["mesh"]
-    yield bullets([*NOTES, RIGID if rigid else WITH_STRENGTH if any(given) else WITHOUT_STRENGTH])
+    planar = [IN_PLANE] * (content.record.get("dimension") != 3)
+    blocks = RIGID if rigid else WITH_STRENGTH if any(given) else WITHOUT_STRENGTH
+    yield bullets([*NOTES, *planar, blocks])
 
 
 def verification(content: Content) -> Iterator[str]:
