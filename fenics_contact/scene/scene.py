@@ -246,7 +246,7 @@ class Force(Checked):
     x: float | None = ruled(FINITE, None)
     y: float | None = ruled(FINITE, None)
     width: float = ruled(NOT_NEGATIVE, 0.0, of="mesh")
-    axles: tuple[tuple[float, float], ...] = only("blocks", ())
+    axles: tuple[tuple[float, float], ...] | None = only("blocks")
     block: str | None = only("blocks")
     at: Vector | None = ruled(require_vector, None, of="blocks")
     sides: str | None = only("blocks")
