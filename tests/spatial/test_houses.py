@@ -64,6 +64,7 @@ def test_inner_walls_are_toothed_with_outer_ones():
     assert len(beside) == 2
 
 
+@pytest.mark.slow
 def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
     """Two spans pushed along the bridge: one load factor in the plane and in space."""
     sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}

@@ -187,6 +187,7 @@ def test_sweep_killed_five_times_gives_the_same_table(jobs, tmp_path):
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_processes_and_ranks_give_the_same_table(tmp_path, capsys):
     """Processes or ranks: not both."""
     write_scene(tmp_path, FAST)
