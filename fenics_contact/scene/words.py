@@ -9,6 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from fenics_contact.scene.units import PER_METRE, Units
 
 Given = Mapping[str, Any]
@@ -73,6 +75,8 @@ def tie_text(one: Given, units: Units) -> str:
         parts.append(f"stiffness {force(one['stiffness'], '/m')}")
     if one.get("prestress"):
         parts.append(f"prestress {force(one['prestress'])}")
+    if one.get("plate"):
+        parts.append(f"plates of {units.length(one['plate'])}")
     if one.get("spacing"):
         parts.append(f"one every {units.length(one['spacing'])}")
     return ", ".join(parts)
@@ -87,11 +91,14 @@ def floor_text(one: Given, units: Units) -> str:
     else:
         axis = "z" if "z" in one else "y"
         where = f"at {axis} = {units.length(one[axis])}"
-        if one.get("x"):
-            where += ", x from {} to {}".format(*map(units.length, one["x"]))
+        for name in ("x", "y") if axis == "z" else ("x",):
+            if one.get(name):
+                where += ", {} from {} to {}".format(name, *map(units.length, one[name]))
     if units.thickness and "z" not in one and (one.get("at") or one.get("x")):
         weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
-    return f"{weight} {where}, {mass}"
+    thrust = np.atleast_1d(one.get("thrust") or []).tolist()
+    pushes = ", thrust " * bool(thrust) + " and ".join(units.text(t, "N/m") for t in thrust)
+    return f"{weight} {where}, {mass}{pushes}"
 
 
 def movement_text(one: Given, units: Units) -> str:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
+from fenics_contact.scene.units import Units
+from fenics_contact.scene.words import floor_text, tie_text
 from fenics_contact.spatial import Scene, builders, limit_load
 from fenics_contact.spatial.contacts import checked_contacts
 
@@ -143,3 +145,12 @@ def test_a_train_tips_a_slab_over_the_edge_of_its_pier(tmp_path, place):
     )
     weight = 2000.0 * 9.81 * 3.0 * 0.5
     assert limit_load(scene).load_factor == pytest.approx(0.5 * weight / (1e3 * arm), rel=1e-6)
+
+
+def test_thrust_and_ranges_of_a_roof_are_told():
+    roof = {"force": 3e3, "z": 3.0, "y": [0.0, 0.5], "thrust": [0.0, 1e3]}
+    told = floor_text(roof, Units("m", 1.0))
+    assert "y from 0 m to 0.5 m" in told
+    assert told.endswith("thrust 0 kN/m and 1 kN/m")
+    tie = {"yield": 3e4, "plate": 0.3}
+    assert "plates of 0.3 m" in tie_text(tie, Units("m", 1.0))
