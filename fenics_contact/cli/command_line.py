@@ -300,7 +300,7 @@ def _parser() -> argparse.ArgumentParser:
 
     what = "mechanisms of the walls, corners and storeys of rigid blocks, and of the whole"
     add = of_scene("mechanisms", what, "SCENE_mechanisms")
-    text = "part, group or block that is repaired: glued to what it touches; * stands for anything"
+    text = "part, group or block whose contacts are repaired; * stands for anything"
     add("--exclude", action="append", default=[], metavar="NAME", help=text)
     text = "directions of the whole in plan, degrees from x to y, or A,B,C (along the axes)"
     add("--angles", default="", metavar="A:B:N", help=text)

@@ -418,7 +418,8 @@ class Follower:
         for keep in (sticks, np.zeros_like(sticks)):  # hinges; else gaps alone
             poses, missed = self._on_chain(stage, first, active[:count], keep[:count], lengths)
             away = np.abs(bodies.sides.placed(first) - bodies.sides.placed(poses)).max()
-            if missed < 1e-2 * stage.step and away < (0.5 if lengths is None else 8.0) * stage.step:
+            near = lengths is not None or away < 0.5 * stage.step
+            if missed < 1e-2 * stage.step and near:
                 return poses, used
         if stage.step > 1.01 * least:
             raise SolverError("contacts contradict each other")

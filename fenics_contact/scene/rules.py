@@ -30,7 +30,7 @@ VECTORS = {IN_PLANE, IN_SPACE}
 #: Kinds of scenes that take a key, in words.
 OF = {
     "mesh": "of scenes with a mesh",
-    "blocks": "of rigid blocks: [blocks] in place of [mesh], of the same file",
+    "blocks": "of scenes of rigid blocks ([blocks] in place of [mesh] takes the same file)",
     "plane": "of scenes in the plane",
     "space": "of scenes in space; heights in the plane are y",
     "elastic": "of scenes with a mesh, or in space",

@@ -37,7 +37,8 @@ class WithoutTies:
         lowest: Load factors of the lowest states found with and without ties, where ties lead to a
             lower state than that without; nan if not known, empty where they do not.
         needed: Yields with which a0* reaches the demand, over those given: 0 if it does so without
-            ties, infinite if with none; None: no demand is given, or none was found.
+            ties, infinite if stronger ties bring no more; None: no demand is given, or none was
+            found.
         reason: Why none was found.
     """
 
@@ -101,7 +102,7 @@ class WithoutTiesAnswer(Asked):
         if found.reason:
             lines.append(Line("needed for the demand:", f"not known: {found.reason}"))
         if found.needed is not None:
-            few = {0.0: "no ties", math.inf: "more than any yield of these ties"}
+            few = {0.0: "no ties", math.inf: "not reached by stronger ties"}
             text = few.get(found.needed) or _forces(found, found.needed, words.units)
             lines.append(Line("needed for the demand:", text))
         return lines

@@ -189,8 +189,8 @@ def mechanisms(
 
     Args:
         scene: Rigid blocks; of the live load the size of `body` counts, not its direction.
-        exclude: Parts, groups or blocks that are repaired: glued to all that they touch; `*` stands
-            for anything.
+        exclude: Parts, groups or blocks that are repaired: their contacts are stronger than any
+            load; `*` stands for anything.
         angles: Directions in plan in which the whole is pushed, degrees from x towards y; by
             default along the axes.
         stop: Asked now and then who wants the search to end, in words; empty while nobody does.
@@ -405,5 +405,5 @@ class _Search:
             if moves.any() and np.any((mine | moves) != rows[0].pushed):
                 rows.append(row(mine | moves))
             rows = [one for one in rows if np.any(_moving(one.result) & mine)] or [row(mine)]
-            return [min(rows, key=lambda one: one.end.load_factor)]
+            return [min(rows, key=lambda one: (one.end.status != "limit", one.end.load_factor))]
         return []

@@ -113,7 +113,7 @@ ON_ROOF = Load(traction={"roof": (0.0, -1.0)})
         ({"supports": {"rock": "fixed"}}, "supports.rock"),
         ({"dead": ON_ROOF}, "loads.dead.traction.roof"),
         ({"live": Load((1.0, 2.0, 3.0))}, r"loads.live.body = \[1.0, 2.0, 3.0\] must be two numb"),
-        ({"solve": SolveOptions(quick=True)}, "solve.quick is of rigid blocks: "),
+        ({"solve": SolveOptions(quick=True)}, "solve.quick is of scenes of rigid blocks"),
         ({"live": ON_ROOF}, "loads.live.traction.roof"),
         ({"joints": {"base": ROUGH}, "foundations": {"base": ROUGH}}, "group 'base' has two roles"),
         ({"foundations": {"base": ROUGH}, "supports": {"base": "fixed"}}, "'base' has two roles"),
