@@ -117,7 +117,10 @@ class SeismicAnswer(Asked):
     def asked_by(cls, scene: Shared) -> str:
         """The factor of the code, where the scene asks for the check."""
         asked = scene.seismic
-        return "" if asked is None else f"seismic check with FC = {asked.confidence_factor:g}"
+        if asked is None:
+            return ""
+        demand = f", demand {asked.demand:g} m/s2" if asked.demand else ""
+        return f"seismic check with FC = {asked.confidence_factor:g}{demand}"
 
     @classmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -475,25 +475,26 @@ def _at_place(boundary: Boundary, free: Flags, load: Force, key: str) -> tuple[I
     facet, place = _place(boundary, free, load, key)
     ends = boundary.points[facet, :2]
     along = (ends[1] - ends[0]) / boundary.length[facet]
-    if load.width == 0.0:
+    width = cast(float, load.width or 0.0)
+    if width == 0.0:
         s = np.array([(place - ends[0]) @ along / boundary.length[facet]])
         return np.array([facet]), lagrange(s, boundary.nodes.shape[1])[:, :, None] * load.force
     # The force is spread evenly over the projection on that line of what looks the same way.
     alike = free & (boundary.normal @ boundary.normal[facet] > ALIKE)
     off = np.abs((boundary.points[:, :2].mean(axis=1) - place) @ boundary.normal[facet])
-    near = np.flatnonzero(alike & (off <= 0.5 * load.width))
+    near = np.flatnonzero(alike & (off <= 0.5 * width))
     from_place = (boundary.points[near, :2] - place) @ along
     span = from_place[:, 1] - from_place[:, 0]
-    at = (0.5 * load.width * np.array([[-1.0, 1.0]]) - from_place[:, :1]) / span[:, None]
+    at = (0.5 * width * np.array([[-1.0, 1.0]]) - from_place[:, :1]) / span[:, None]
     start, end = np.clip(np.sort(at, axis=1), 0.0, 1.0).T
     covered = float(np.sum((end - start) * np.abs(span)))
-    if abs(covered - load.width) > 1e-6 * load.width:
+    if abs(covered - width) > 1e-6 * width:
         raise InputError(
-            f"{key}: {covered:g} m of its width of {load.width:g} m lie on an edge at"
+            f"{key}: {covered:g} m of its width of {width:g} m lie on an edge at"
             f" ({place[0]:g}, {place[1]:g}); move it or make it narrower"
         )
     strips = Strips(near[end > start], start[end > start], end[end > start])
-    per_length = np.array(load.force) / load.width
+    per_length = np.array(load.force) / width
     share = (np.abs(span) / boundary.length[near])[end > start]
     even = strips.forces(boundary, lambda x: np.broadcast_to(per_length, x.shape))
     return strips.facets, even * share[:, None, None]

@@ -225,6 +225,12 @@ class JointLaw(Checked):
         return friction if abs(slope - friction) <= SAME_ANGLE * friction else slope
 
 
+def _require_width(name: str, value: float | tuple[float, float]) -> None:
+    """Refuse widths below 0."""
+    for one in np.atleast_1d(value).tolist():
+        NOT_NEGATIVE(name, one)
+
+
 @dataclass(frozen=True)
 class Force(Checked):
     """A force: with a mesh on an edge, wherever nodes are; else on a block or on sides.
@@ -234,7 +240,8 @@ class Force(Checked):
         x: Place, m.
         y: Place, m; where left out, the highest edge above or below `x` that looks up. Without a
             mesh the highest side at `x`, in space at `x` and `y`, is meant.
-        width: The force is spread evenly over so much of the edge, m; 0 for a point.
+        width: The force is spread evenly over so much of the edge, m; 0 for a point. Without a
+            mesh around `x`, in space along x and along y, on the highest sides there.
         axles: Of a train whose first one is at `x`: how far behind, m, and their parts of the
             force; those beside the structure are left out.
         block: Name of the block that it acts on; by default the one at `at`.
@@ -245,7 +252,7 @@ class Force(Checked):
     force: Vector = ruled(require_vector)
     x: float | None = ruled(FINITE, None)
     y: float | None = ruled(FINITE, None)
-    width: float = ruled(NOT_NEGATIVE, 0.0, of="mesh")
+    width: float | tuple[float, float] | None = ruled(_require_width, None)
     axles: tuple[tuple[float, float], ...] | None = only("blocks")
     block: str | None = only("blocks")
     at: Vector | None = ruled(require_vector, None, of="blocks")
@@ -258,6 +265,7 @@ class Force(Checked):
         text = "x is missing; with blocks in place of a mesh give either block or at, or sides"
         require(given.count(True) == 1, text)
         require(not self.axles or self.x is not None, "axles need x, the place of the first one")
+        require(self.width is None or self.x is not None, "width goes with x")
 
 
 #: Its name in scenes with a mesh.
@@ -384,6 +392,8 @@ class Floor(Checked):
         group: Only blocks of this group carry it.
         thrust: Level force of a roof, along x and y, N per metre of the plan across it, in the
             plane along x; part of the dead load.
+        span: Along which axis of the plan, "x" or "y", it goes from wall to wall: what is above no
+            wall lies on the next one that way. None: all tops in the plan share it by area.
     """
 
     force: float = ruled(NOT_NEGATIVE)
@@ -395,6 +405,9 @@ class Floor(Checked):
     group: str | None = only("blocks")
     thrust: float | tuple[float, float] | None = ruled(
         rule(lambda v: bool(np.all(np.isfinite(v))), "must be finite (N/m)"), None, of="blocks"
+    )
+    span: str | None = ruled(
+        lambda name, value: require_choice(name, value, ("x", "y")), None, of="space"
     )
 
     def __post_init__(self) -> None:

@@ -97,6 +97,7 @@ def floor_text(one: Given, units: Units) -> str:
     if units.thickness and "z" not in one and (one.get("at") or one.get("x")):
         weight = f"{units.text(one['force'] * units.thickness, 'N/m')} ({weight})"
     thrust = np.atleast_1d(one.get("thrust") or []).tolist()
+    where += f", from wall to wall along {one['span']}" if one.get("span") else ""
     pushes = ", thrust " * bool(thrust) + " and ".join(units.text(t, "N/m") for t in thrust)
     return f"{weight} {where}, {mass}{pushes}"
 

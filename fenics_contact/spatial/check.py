@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from fenics_contact.console import scene_lines
 from fenics_contact.geometry.mesh import Array
@@ -10,6 +14,9 @@ from fenics_contact.results.bounds import counted
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import Structure
 from fenics_contact.spatial.ties import GROUND
+
+#: Parts that are told to carry a floor, the most loaded ones.
+SHOWN = 8
 
 
 def description(scene: BlockScene, structure: Structure) -> str:
@@ -19,6 +26,21 @@ def description(scene: BlockScene, structure: Structure) -> str:
     def resultant(force: Array) -> list[float]:
         return structure.told(force.sum(axis=0)).tolist()
 
+    def reach(places: ArrayLike) -> str:
+        """Lowest and highest coordinates of places, m, shape (..., 3)."""
+        every = np.reshape(places, (-1, 3))
+        ends = structure.told(np.array([every.min(axis=0), every.max(axis=0)])).tolist()
+        return " to ".join(dict.fromkeys(units.place(end, 6) for end in ends))
+
+    def carried(floor: str) -> str:
+        """What parts of the structure carry of a floor."""
+        one = structure.acting[f"floors.{floor}"]
+        parts: Counter[str] = Counter()
+        for number, force in zip(one.block, one.force, strict=True):
+            parts[re.sub(r"(_\d+){1,2}$", "", structure.blocks[number].name)] -= force[2]
+        known = [f"{units.force(force)} on {name}" for name, force in parts.most_common(SHOWN)]
+        return ", " + ", ".join([*known, "..."] if len(parts) > SHOWN else known)
+
     moving = [block for block in structure.blocks if not block.fixed]
     volume = sum(block.volume for block in moving)
     mass = sum(block.volume * scene.material(block).density for block in moving)
@@ -27,6 +49,7 @@ def description(scene: BlockScene, structure: Structure) -> str:
         *([f"file {scene.read}"] if scene.read else []),
         f"{counted(len(moving), 'block')} and {len(structure.blocks) - len(moving)} of ground,"
         f" volume {volume:.6g} m3, mass {units.mass(mass)}",
+        f"extent {reach([block.extent for block in moving])}",
     ]
     if len(groups) > 1:
         blocks += [f"group {name}: {counted(n, 'block')}" for name, n in groups.items()]
@@ -36,11 +59,12 @@ def description(scene: BlockScene, structure: Structure) -> str:
         for key, some in areas.items()
     }
     on = {
-        key: f"on {one.on}, resultant {units.forces(resultant(one.force))}"
+        key: f"on {one.on}{'' if one.sides else f' at {reach(one.place)}'},"
+        f" resultant {units.forces(resultant(one.force))}"
         for key, one in structure.acting.items()
         if one.on
     }
-    lies = {name: on.pop(f"floors.{name}") for name in scene.floors}
+    lies = {name: on.pop(f"floors.{name}") + carried(name) for name in scene.floors}
     loads = {"dead": structure.dead, "live": structure.live}
     resultants = {name: resultant(load[:, :3]) for name, load in loads.items()}
     more = [f"{key}: {text}" for key, text in on.items()]

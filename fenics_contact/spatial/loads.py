@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -176,27 +177,87 @@ def masses_of_floor(
     at = f"{floor.axis} = {height:g}"
     tops = Sides(floor.group, normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, height))
     found = list(tops.of(blocks, near))
-    require(bool(found), f"{key}: no block has a top side at {at}; move it")
+    other = replace(tops, point=None).of(blocks, near)
+    levels = {round(float(loop[0, 2]), 6) for _, loop in other}
+    nearest = sorted(levels, key=lambda level: abs(level - height))[:4]
+    text = f"{key}: no block has a top side at {at}; the nearest are at {sorted(nearest)} m"
+    require(bool(found), text)
     corners = np.vstack([loop[:, :2] for _, loop in found])
     low = corners.min(axis=0)
     high = corners.max(axis=0)
     for axis, wished in enumerate((floor.x, floor.y)):
         if isinstance(wished, tuple):
             low[axis], high[axis] = wished
-    plan = np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
+    plan = _rectangle(low, high)
     parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
     parts = [(number, part) for number, part in parts if len(part)]
     more = " and y" * (floor.axis == "z")
-    require(bool(parts), f"{key}: no top side at {at} lies within x{more}")
+    there = reach_told(corners, "xy"[: 1 + bool(more)])
+    require(bool(parts), f"{key}: no top side at {at} lies within x{more}; {there}")
     area = np.array([polygon_area(part) for _, part in parts])
+    told = sides_told(area.tolist())
+    if floor.span:
+        parts, area = _along_span(key, parts, (low, high), "xy".index(floor.span), near)
     mass = floor.force * polygon_area(plan) / GRAVITY * area / area.sum()
     places = [[*polygon_centroid(part), height] for _, part in parts]
     masses = Masses(np.array([number for number, _ in parts]), np.array(places), mass)
     thrust = np.append(floor.thrust or 0.0, [0.0, 0.0])[:3]
     pushes = np.outer(area / area.sum(), thrust * [*(high - low)[::-1], 0.0])
     sides_of = [np.insert(part, 2, height, axis=1) for _, part in parts]
-    told = sides_told(area.tolist())
     return masses, Acting(masses.block, masses.position, pushes, told, sides_of)
+
+
+def _rectangle(low: Array, high: Array) -> Array:
+    """Corners of a rectangle in plan between its lowest and its highest one, anticlockwise."""
+    return np.where([[0, 0], [1, 0], [1, 1], [0, 1]], high, low)
+
+
+def _along_span(
+    key: str, tops: Sequence[tuple[int, Array]], ends: Sequence[Array], axis: int, near: float
+) -> tuple[list[tuple[int, Array]], Array]:
+    """Parts of top sides with their blocks, and the area of a floor that lies on each, m2.
+
+    The plan is cut along the span at all corners of tops. A strip with walls at both of its ends
+    lies on all of its walls: on each from the middle of the gap before to that of the gap behind.
+    Strips without, as at windows, are carried by those that span, in proportion.
+
+    Args:
+        key: Of the floor.
+        tops: Numbers of blocks, and corners of their top sides in plan, m.
+        ends: Lowest and highest corner of the plan, m.
+        axis: Number of that along which the floor spans.
+        near: Distance that is rounding, m.
+    """
+    low, high = (float(corner[axis]) for corner in ends)
+    found: list[tuple[int, Array]] = []
+    areas: list[float] = []
+    spans: list[bool] = []
+    cuts = np.unique(np.concatenate([top[:, 1 - axis] for _, top in tops]))
+    for sides in pairwise(cuts[np.diff(cuts, prepend=-np.inf) > near]):
+        corners = np.array(ends)
+        corners[:, 1 - axis] = sides
+        strip = _rectangle(*corners)
+        cut = ((number, clipped(top, strip)) for number, top in tops)
+        parts = [(number, part) for number, part in cut if len(part)]
+        parts.sort(key=lambda part: float(part[1][:, axis].min()))
+        start = np.array([part[:, axis].min() for _, part in parts])
+        reach = np.maximum.accumulate([part[:, axis].max() for _, part in parts])
+        if not parts or start[0] > low + near or reach[-1] < high - near:
+            continue
+        gaps = np.flatnonzero(start[1:] > reach[:-1] + near)
+        middles = [low, *(0.5 * (reach[gaps] + start[gaps + 1])), high]
+        wall = np.searchsorted(gaps, np.arange(len(parts)))
+        area = np.array([polygon_area(part) for _, part in parts])
+        width = np.diff(middles) * np.diff(sides) / np.bincount(wall, area)
+        found += parts
+        areas += (width[wall] * area).tolist()
+        spans += [len(gaps) > 0] * len(parts)
+    name = "xy"[axis]
+    text = f"no wall is at both ends, {name} = {low:g} and {high:g}; give {name} from wall to wall"
+    require(any(spans), f"{key}.span: {text}")
+    area = np.array(areas)
+    area[spans] *= (np.prod(np.subtract(*ends)) - area[~np.array(spans)].sum()) / area[spans].sum()
+    return found, area
 
 
 def _fan(corners: Array) -> Array:
@@ -292,31 +353,63 @@ def _from_above(key: str, force: Force, blocks: Sequence[Block], near: float) ->
     text = f"{key}.y: the highest side at x is meant; give either x alone, or at"
     require(force.y is None or len(force.force) == 3, text)
     first, y = float(force.x or 0.0), force.y or 0.0
+    width = np.append(force.width or 0.0, 0.0)[:2]
+    moving = [block for block in blocks if not block.fixed]
+    corners = np.vstack([piece.corners for block in moving for piece in block.pieces])
     axles = [
-        (number, place, part)
+        (number, place, part * share)
         for behind, part in force.axles or ((0.0, 1.0),)
-        for number, place in _top_at([first - behind, y], blocks, near)
+        for at, share in _spread((first - behind, y), width, corners, near)
+        for number, place in _top_at(at, blocks, near)
     ]
-    require(bool(axles), f"{key}: there is no block above or below ({first:g}, {y:g})")
+    there = reach_told(corners[:, : len(force.force) - 1], "xy")
+    require(bool(axles), f"{key}: there is no block above or below ({first:g}, {y:g}); {there}")
     numbers, places, parts = zip(*axles, strict=True)
+    text = f"{key}: {1.0 - sum(parts):.3g} of its width is beside the blocks; {there}"
+    require(bool(force.axles) or sum(parts) > 1.0 - SEARCH.digits, text)
     told = "block " + ", ".join(blocks[number].name for number in dict.fromkeys(numbers))
     forces = np.outer(parts, lifted(force.force))
     return Acting(np.array(numbers), np.array(places), forces, told)
 
 
-def _top_at(plan: list[float], blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
+def _spread(
+    place: Sequence[float], width: Array, corners: Array, near: float
+) -> Iterator[tuple[Array, float]]:
+    """Middles of parts of a rectangle around a place, cut at corners of blocks, and their shares.
+
+    The first moment of the shares about the place is zero.
+    """
+    sides = []
+    for middle, across, cuts in zip(place, width, corners.T, strict=False):
+        ends = middle + across * np.array([-0.5, 0.5])
+        inside = np.unique(cuts[(cuts > ends[0] + near) & (cuts < ends[1] - near)])
+        edges = np.insert(ends, 1, inside[np.diff(inside, prepend=-np.inf) > near])
+        shares = np.diff(edges) / across if across else [1.0]
+        sides.append(list(zip(0.5 * (edges[1:] + edges[:-1]), shares, strict=True)))
+    for (x, part), (y, other) in product(*sides):
+        yield np.array([x, y]), float(part * other)
+
+
+def _top_at(plan: Array, blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:
     """Number of the block with the highest top at a place in plan, and the place on it, m."""
-    heights = np.array([block.extent for block in blocks])[..., 2]
-    line = np.array([[*plan, z] for z in (heights.min() - 1.0, heights.max() + 1.0)])
+    extent = np.array([block.extent for block in blocks])
+    line = np.insert(np.tile(plan, (2, 1)), 2, [extent.min() - 1.0, extent.max() + 1.0], axis=1)
+    beside = np.maximum(extent[:, 0, :2] - plan, plan - extent[:, 1, :2]).max(axis=1)
     tops = [
         (float(part[:, 2].max()), number)
-        for number, block in enumerate(blocks)
-        for part in (inside_of(line, piece, near) for piece in block.pieces)
-        if len(part) and not block.fixed
+        for number in np.flatnonzero(beside <= near).tolist()
+        for part in (inside_of(line, piece, near) for piece in blocks[number].pieces)
+        if len(part) and not blocks[number].fixed
     ]
     if tops:
         height, number = max(tops)
-        yield number, np.array([*plan, height])
+        yield number, np.append(plan, height)
+
+
+def reach_told(places: Array, axes: str) -> str:
+    """From where to where places, m, reach along axes."""
+    ends = zip(axes, places.min(axis=0), places.max(axis=0), strict=False)
+    return "they reach from " + ", ".join(f"{axis} = {a:g} to {b:g}" for axis, a, b in ends)
 
 
 def sides_told(areas: Sequence[float]) -> str:
@@ -339,17 +432,21 @@ def numbered(
     Raises:
         InputError: If there is none, or more than one.
     """
-    where = f"'{name}'"
+    where, there = f"'{name}'", ""
     numbers = [k for k, block in enumerate(blocks) if block.name == name]
     if name is None:
         where = "at (" + ", ".join(f"{value:g}" for value in at or ()) + ")"
         place = lifted(at or ())
+        every = np.vstack([block.extent for block in blocks])
+        there = "; " + (
+            reach_told(every, "xyz") if len(at or ()) == 3 else reach_told(every[:, ::2], "xy")
+        )
         numbers = [
             number
             for number, block in enumerate(blocks)
             if any(np.all(one.normals @ place - one.levels <= near) for one in block.pieces)
         ]
-    require(bool(numbers), f"{key}: there is no block {where}")
+    require(bool(numbers), f"{key}: there is no block {where}{there}")
     names = listed(blocks[k].name or str(k) for k in numbers)
     text = f"{key}: there are {len(numbers)} blocks {where}, {names}; give a place inside of one"
     require(len(numbers) < 2, text)

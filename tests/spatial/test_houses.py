@@ -9,6 +9,7 @@ from fenics_contact import InputError
 from fenics_contact.scene.units import Units
 from fenics_contact.scene.words import floor_text, tie_text
 from fenics_contact.spatial import Scene, builders, limit_load
+from fenics_contact.spatial.check import description
 from fenics_contact.spatial.contacts import checked_contacts
 
 BASE = {
@@ -118,8 +119,8 @@ def test_an_axle_on_the_highest_side(tmp_path):
         acting(x=5.0)
     with pytest.raises(InputError, match=r"force\.axle\.y: the highest side"):
         acting(x=0.5, y=1.0)
-    with pytest.raises(InputError, match=r"force\.axle\.width is of scenes with a mesh"):
-        acting(x=0.5, width=1.0)
+    with pytest.raises(InputError, match=r"axle: 0.25 of its width is beside .* x = 0 to 4"):
+        acting(x=0.25, width=1.0)
 
 
 @pytest.mark.parametrize("place", [2.8, 3.5])
@@ -154,3 +155,134 @@ def test_thrust_and_ranges_of_a_roof_are_told():
     assert told.endswith("thrust 0 kN/m and 1 kN/m")
     tie = {"yield": 3e4, "plate": 0.3}
     assert "plates of 0.3 m" in tie_text(tie, Units("m", 1.0))
+
+
+def house_with(folder, **tables):
+    """A house of 6 m by 4 m, walls of 0.5 m, with an inner wall from x = 3 m."""
+    sizes = {"length": 6.0, "width": 4.0, "height": 3.0, "thickness": 0.5, "brick": [1.0, 0.75]}
+    blocks = {"builder": "house", "inner": [3.0], **sizes}
+    loads = {"dead": DEAD[3], "live": {"direction": [0.0, -1.0, 0.0]}}
+    given = {"dimension": 3, "blocks": blocks, "loads": loads, **tables}
+    return Scene.from_tables({**BASE, **given}, folder)
+
+
+def shares(scene, x=(-9.0, 9.0), y=(-9.0, 9.0)):
+    """Weight of the floor on what is within x and y, N."""
+    on = scene.structure().acting["floors.first"]
+    within = (on.place[:, :2] > [x[0], y[0]]) & (on.place[:, :2] < [x[1], y[1]])
+    return -on.force[within.all(axis=1), 2].sum()
+
+
+@pytest.mark.parametrize("height", [1.5, 3.0])
+def test_a_floor_of_a_room_lies_on_two_walls(tmp_path, height):
+    """w span / 2 on each; what the live load pushes is the floor's mass, too."""
+    room = {"z": height, "force": 2000.0, "mass": True, "x": [0.0, 3.5], "y": [0.5, 3.5]}
+    scene = house_with(tmp_path, floors={"first": {**room, "span": "x"}})
+    half = 2000.0 * 3.0 * 3.5 / 2.0
+    assert shares(scene, x=(0.0, 0.5)) == pytest.approx(half, rel=1e-12)
+    assert shares(scene, x=(3.0, 3.5)) == pytest.approx(half, rel=1e-12)
+    bare = house_with(tmp_path).structure()
+    structure = scene.structure()
+    assert structure.dead.sum(axis=0)[2] - bare.dead.sum(axis=0)[2] == pytest.approx(-2.0 * half)
+    assert structure.live.sum(axis=0)[1] - bare.live.sum(axis=0)[1] == pytest.approx(-2.0 * half)
+    told = description(scene, structure)
+    assert "2000 N/m2 at z = 1.5 m, x from 0 m to 3.5 m" in told or height == 3.0
+    assert "from wall to wall along x, with its mass" in told
+    assert "21000 N on" not in told
+    assert "10500 N on west" in told
+    assert "10500 N on inner_1" in told
+
+
+def test_a_floor_over_all_rooms_goes_to_the_nearest_walls(tmp_path):
+    """Along x from middle to middle of the rooms; strips over walls along x lie on these."""
+    scene = house_with(tmp_path, floors={"first": {"z": 3.0, "force": 1000.0, "span": "x"}})
+    room = (0.5, 3.5)
+    walls = [shares(scene, x, room) for x in ((0.0, 0.5), (3.0, 3.5), (5.5, 6.0))]
+    assert walls == pytest.approx([3000.0 * 1.75, 3000.0 * 2.75, 3000.0 * 1.5])
+    assert shares(scene, y=(0.0, 0.5)) == pytest.approx(3000.0)
+    assert shares(scene) == pytest.approx(24000.0)
+
+
+def test_a_floor_at_windows_keeps_its_halves(tmp_path):
+    """Where a window takes the wall, what is beside it carries the floor, by halves."""
+    scene = house_with(
+        tmp_path,
+        blocks={
+            "builder": "house",
+            "length": 6.0,
+            "width": 4.0,
+            "height": 3.0,
+            "thickness": 0.5,
+            "brick": [1.0, 0.75],
+            "openings": {"south": [[2.0, 3.5, 0.75, 2.25]]},
+        },
+        floors={"first": {"z": 1.5, "force": 1000.0, "x": [0.5, 5.5], "span": "y"}},
+    )
+    assert shares(scene, y=(0.0, 0.5)) == pytest.approx(10000.0)
+    assert shares(scene, y=(3.5, 4.0)) == pytest.approx(10000.0)
+    assert shares(scene, x=(2.0, 3.5), y=(0.0, 0.5)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("floor", "message"),
+    [
+        ({"z": 3.0, "x": [0.5, 3.0], "y": [0.5, 3.5], "span": "x"}, r"no top side .* x = 0 to 6"),
+        (
+            {"z": 3.0, "x": [0.5, 3.2], "span": "x"},
+            r"span: no wall .* x = 0.5 and 3.2; give x from",
+        ),
+        ({"z": 3.0, "span": "z"}, "floors.first.span = 'z' must be one of x, y"),
+        (
+            {"z": 2.0},
+            r"no block has a top side at z = 2; the nearest are at \[0.75, 1.5, 2.25, 3.0\]",
+        ),
+    ],
+)
+def test_floors_that_lie_on_no_wall(tmp_path, floor, message):
+    with pytest.raises(InputError, match=message):
+        house_with(tmp_path, floors={"first": {"force": 1.0, **floor}}).structure()
+
+
+def test_a_wheel_is_spread_over_what_it_covers(tmp_path):
+    """Blocks have the force by the width that they cover; the moment is that of the point."""
+    boxes = {"low": (0, 2), "middle": (2, 2.5), "high": (2.5, 4)}
+    blocks = {n: {"box": [[a, 0, 0], [b, 3, 1]]} for n, (a, b) in boxes.items()}
+
+    def acting(**force):
+        wheel = {"force": [0.0, 0.0, -1000.0], "x": 2.2, "y": 1.0, **force}
+        loads = {"dead": DEAD[3], "live": {"force": {"wheel": wheel}}}
+        tables = {"dimension": 3, "blocks": blocks, "loads": loads}
+        scene = Scene.from_tables({**BASE, **tables}, tmp_path)
+        return scene, scene.structure().acting["loads.live.force.wheel"]
+
+    scene, on = acting(width=[1.0, 0.4])
+    names = [scene.blocks[k].name for k in on.block]
+    assert names == ["low", "middle", "high"]
+    assert -on.force[:, 2] == pytest.approx([300.0, 500.0, 200.0])
+    assert np.cross(on.place, on.force).sum(axis=0) == pytest.approx([-1000.0, 2200.0, 0.0])
+    told = description(scene, scene.structure())
+    assert "extent (0, 0, 0) m to (4, 3, 1) m" in told
+    assert "on block low, middle, high at (1.85, 1, 1) m to (2.6, 1, 1) m" in told
+    with pytest.raises(InputError, match=r"0.25 of its width is beside .* y = 0 to 3"):
+        acting(y=0.1, width=[1.0, 0.4])
+    train = [[0.0, 1.0], [2.2, 1.0]]
+    assert acting(width=[1.0, 0.4], axles=train)[1].force.sum() == pytest.approx(-1500.0)
+    with pytest.raises(InputError, match=r"wheel.width = 1.0 must be two numbers"):
+        acting(width=1.0)
+    with pytest.raises(InputError, match=r"wheel.width = -1.0 must be"):
+        acting(width=[-1.0, 1.0])
+    with pytest.raises(InputError, match=r"no block at \(9, 0, 0\); they reach from x = 0 to 4"):
+        acting(x=None, y=None, at=[9.0, 0.0, 0.0])
+
+
+def test_a_spread_force_in_the_plane(tmp_path):
+    """A force of width 2 a on a slab, its edge at the pier's: W b = lambda P a / 2 beyond it."""
+    blocks = {
+        "pier": {"polygon": [[0, 0], [2, 0], [2, 2], [0, 2]], "fixed": True},
+        "slab": {"polygon": [[0, 2], [3, 2], [3, 3], [0, 3]]},
+    }
+    force = {"wheel": {"x": 2.5, "width": 1.0, "force": [0.0, -1000.0]}}
+    loads = {"dead": DEAD[2], "live": {"force": force}}
+    scene = Scene.from_tables({**BASE, "blocks": blocks, "loads": loads}, tmp_path)
+    weight = 2000.0 * 9.81 * 3.0
+    assert limit_load(scene).load_factor == pytest.approx(weight * 0.5 / 500.0, rel=1e-6)
