@@ -32,27 +32,28 @@ from fenics_contact.results.values import tension_lines
 from fenics_contact.scene.scene import GRAVITY
 from fenics_contact.spatial.limit import solved, standing
 from fenics_contact.spatial.picture import draw_collapse
-from fenics_contact.spatial.record import BlockLimitLoad
+from fenics_contact.spatial.record import BlockLimitLoad, result_record
 from fenics_contact.spatial.scene import BlockScene
 from fenics_contact.spatial.structure import ContactLaw
 from fenics_contact.spatial.view import views_of
 from fenics_contact.sweeps.parts import ABOVE, PushedPart, parts_of
 from fenics_contact.sweeps.points import in_words, moving, seismic_check
-from fenics_contact.version import __version__
 from fenics_contact.workers import InPlace, asked_to_stop, last_result_of, result_of
 
 _log = logging.getLogger("fenics_contact")
 
-#: Mechanisms of the whole in one direction, each with those before it repaired.
-MOST = 2
+#: Mechanisms of the whole in one direction, each with those before it repaired, and their name.
+MOST, NEXT = 2, ", next"
 #: Strength of repaired contacts: all of them together could carry so many times the dead load.
 REPAIR, REPAIRED = 10.0, "repaired"
 #: The record, written last, and the columns of the table in mechanisms.csv.
 RECORD = "mechanisms.json"
 COLUMNS = (
-    *("part", "way", "status", "load_factor", "a0", "over_demand", "moves", "ties", "gap"),
+    *("part", "way", "also", "status", "load_factor", "a0", "over_demand", "moves", "ties", "gap"),
     *("pushed_blocks", "repaired_blocks", "picture"),
 )
+#: What the record has of one of a limit load, for the assumptions.
+ASSUMED = ("title", "version", "date", "dimension", "mesh", "scene", "acceleration", "warnings")
 #: Why a search ended early.
 OVER = "stopped: the time is over (solve.time)"
 
@@ -72,6 +73,7 @@ class Mechanism:
         result: The limit load, with its proof.
         pushed: Which blocks are pushed, shape (blocks,).
         repaired: Which ones are repaired.
+        also: Parts and ways that have led to the same mechanism.
     """
 
     part: str
@@ -79,6 +81,7 @@ class Mechanism:
     result: BlockLimitLoad
     pushed: Flags
     repaired: Flags
+    also: tuple[str, ...] = ()
 
     @property
     def end(self) -> Collapse:
@@ -101,10 +104,11 @@ class Mechanism:
         """The row as files have it; numbers are None where there is no limit."""
         end, check = self.end, self.check
         found = end.status == "limit"
-        ties = tension_lines(self.result.ties_of(end), self.result.wording.units)
+        ties = tension_lines(self._moved_ties(), self.result.wording.units)
         return {
             "part": self.part,
             "way": self.way,
+            "also": "; ".join(self.also),
             "status": end.status,
             "load_factor": end.load_factor if found else None,
             "a0": check.acceleration if check else None,
@@ -119,6 +123,16 @@ class Mechanism:
             "residuals": end.residuals,
         }
 
+    def _moved_ties(self) -> dict[str, Any]:
+        """What ties carry of which an end moves, as of `ties_of`."""
+        view = views_of(self.result)["positive"]
+        moves = np.append(_moving(self.result), False)  # the ground, -1, does not
+        mine = moves[view.tie_blocks].any(axis=1)
+        return {
+            key: values[np.isin(view.ties["name"], view.ties["name"][mine])]
+            for key, values in view.ties.items()
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Mechanisms:
@@ -126,7 +140,8 @@ class Mechanisms:
 
     Attributes:
         scene: What was asked for.
-        rows: The worst first: by a0* where it is asked for, else by load factor.
+        rows: One for each mechanism, the worst first: by a0* where it is asked for, else by load
+            factor.
         stopped: Why the search ended early; empty where it did not.
     """
 
@@ -147,8 +162,8 @@ class Mechanisms:
             enough = "NOT " * ((one["over_demand"] or 0.0) < 1.0) + "enough"
             verdict = "" if over == "-" else f", {over} of the demand: {enough}"
             lines.append(f"{number:3}  {row.part} {row.way}: {factor} g{seismic}{verdict}")
-            ties = f"ties: {one['ties']}" * bool(one["ties"])
-            lines += [f"       {text}" for text in (one["moves"], ties) if text]
+            also, ties = (f"{key}: {one[key]}" * bool(one[key]) for key in ("also", "ties"))
+            lines += [f"       {text}" for text in (one["moves"], also, ties) if text]
         return "\n".join(lines)
 
     def write(self, folder: Path) -> None:
@@ -170,8 +185,10 @@ class Mechanisms:
                 table = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
                 table.writeheader()
                 table.writerows(records)
-            record = {"title": self.scene.title, "version": __version__, "stopped": self.stopped}
-            text = json.dumps({**record, "rows": records}, indent=1)
+            given = result_record(BlockLimitLoad(self.scene, self.scene.structure(), {}))
+            remarks = list(dict.fromkeys(text for row in self.rows for text in row.result.remarks))
+            record = {key: given[key] for key in ASSUMED} | {"stopped": self.stopped}
+            text = json.dumps({**record, "remarks": remarks, "rows": records}, indent=1)
             (hidden / RECORD).write_text(text + "\n", encoding="utf-8")
 
 
@@ -249,10 +266,8 @@ def mechanisms(
     none = np.zeros(len(repaired), dtype=bool)
     first = {row.way: _moving(row.result) for row in reversed(rows)}
     orders = [(part, way, first.get(way.split()[-1], none)) for part in left for way in part.ways]
-    most = {way: 0.0 for way in first}
-    for part, way, moves in orders:
-        if moves.any():
-            most[way.split()[-1]] = max(most[way.split()[-1]], _alike(moves, part))
+    likes = [(_alike(moves, part), way.split()[-1]) for part, way, moves in orders if moves.any()]
+    most = {axis: like for like, axis in sorted(likes)}  # the largest one of each
     run(
         search.of_part,
         [
@@ -268,7 +283,30 @@ def mechanisms(
             row.check.acceleration if row.check else row.end.load_factor,
         )
 
-    return Mechanisms(scene, sorted(rows, key=rank), stopped)
+    return Mechanisms(scene, _once(sorted(rows, key=rank)), stopped)
+
+
+def _once(rows: Iterable[Mechanism]) -> list[Mechanism]:
+    """One row for each mechanism, of rows with the worst first: the others are named in it.
+
+    The next mechanism of the whole is none where a part that has its blocks collapses before, the
+    same way, by what is not repaired.
+    """
+    found: dict[tuple[Any, ...], Mechanism] = {}
+    for row in rows:
+        pushes = tuple(np.round(row.result.scene.live.body, 6))
+        same = pushes, row.moves if row.result.limits else row.part
+        moves = _moving(row.result)
+        before = [one for (way, _), one in found.items() if way == pushes]
+        beaten = (
+            np.all(one.pushed[moves]) and np.any(_moving(one.result) & ~row.repaired)
+            for one in before
+        )
+        if twin := found.get(same):
+            found[same] = replace(twin, also=(*twin.also, f"{row.part} {row.way}"))
+        elif not (row.part.endswith(NEXT) and any(beaten)):
+            found[same] = row
+    return list(found.values())
 
 
 def _alike(moves: Flags, part: PushedPart) -> float:
@@ -379,7 +417,7 @@ class _Search:
                 glued = np.array([law.key == REPAIRED for law in row.result.structure.laws])
                 if rows and (not moves.any() or np.any(parts & glued)):
                     break
-                rows.append(replace(row, part=f"{row.part}{', next' * bool(rows)}"))
+                rows.append(replace(row, part=row.part + NEXT * bool(rows)))
                 repaired = repaired | moves
         return rows
 

@@ -46,12 +46,17 @@ def scene_of(folder, text, **options):
     return replace(scene, solve=replace(scene.solve, **options))
 
 
+def names_of(row):
+    """Parts and ways that have led to a row."""
+    return f"{row.part} {row.way}", *row.also
+
+
 def factors(found):
-    """Load factors by part and way; every one is proved."""
+    """Load factors by part and way, by all that have led to a row; every one is proved."""
     for row in found.rows:
         assert row.end.status == "limit" and row.end.gap <= 1e-3
         assert row.end.certificate.passed
-    return {f"{row.part} {row.way}": row.end.load_factor for row in found.rows}
+    return {name: row.end.load_factor for row in found.rows for name in names_of(row)}
 
 
 def test_free_walls_overturn_one_after_the_other(tmp_path):
@@ -73,6 +78,64 @@ def test_free_walls_overturn_one_after_the_other(tmp_path):
     assert "turns about its foot" in worst.moves
     order = [row.check.acceleration for row in found.rows]
     assert order == sorted(order)
+
+
+def test_a_mechanism_has_one_row(tmp_path):
+    """Two walls, four ways each; the whole, and the next of it, find the same ones again."""
+    found = fenics_contact.mechanisms(scene_of(tmp_path, WALLS))
+    mechanisms = [(row.moves, row.result.scene.live.body) for row in found.rows]
+    assert len(mechanisms) == len(set(mechanisms)) == 8
+    assert sum(len(row.also) for row in found.rows) == 8
+    assert "also: " in repr(found)
+
+
+def stack(name, y, t, *courses):
+    """Stones of a wall 1 m long, by their lower and upper ends, m."""
+    return "".join(
+        f"[blocks.{name}_{n}_0]\nbox = [[0, {y}, {low}], [1, {y + t}, {high}]]\n"
+        for n, (low, high) in enumerate(courses)
+    )
+
+
+def test_a_next_mechanism_that_a_part_has_before_is_no_row(tmp_path):
+    """The low wall is repaired with what it touches, so that of the other one stone turns at .8.
+
+    The whole of that wall turns before; the far wall is none by itself.
+    """
+    courses = (0.0, 0.5), (0.5, 1.0)
+    stones = stack("low", 0.0, 0.1, courses[0]) + stack("high", 0.1, 0.4, *courses)
+    stones += stack("far", 5.0, 0.9, *courses)
+    rest = REST.replace("0.6", "1.2")
+    rows = []
+    scene = scene_of(tmp_path, f"dimension = 3\n{stones}{rest}")
+    told = factors(fenics_contact.mechanisms(scene, tell=rows.append))
+    assert told["whole -y"] == pytest.approx(0.2, rel=2e-3)
+    assert 0.4 < told["high outwards -y"] < 0.5
+    (left_out,) = (row for row in rows if f"{row.part} {row.way}" not in told)
+    assert (left_out.part, left_out.way) == ("whole, next", "-y")
+    assert left_out.end.load_factor == pytest.approx(0.8, rel=2e-3)
+    assert told["whole, next +y"] == pytest.approx(0.9, rel=2e-3)
+
+
+def test_a_next_mechanism_that_no_part_has_is_a_row(tmp_path):
+    """A stack slides at its upper joint; once that is repaired it turns about its foot."""
+    stones = stack("low", 0.0, 0.4, (0.0, 0.5), (0.5, 1.0))
+    ground = "[foundations.ground]\nfriction = 0.9\n"
+    scene = scene_of(tmp_path, f"dimension = 3\n{stones}{REST.replace('0.6', '0.3')}{ground}")
+    found = fenics_contact.mechanisms(scene)
+    told = factors(found)
+    assert told["whole +y"] == pytest.approx(0.3, rel=2e-3)
+    assert told["whole, next +y"] == pytest.approx(0.4, rel=2e-3)
+
+
+def test_ties_are_told_where_they_take_part(tmp_path):
+    """An anchor of the thick wall is told where that moves, slack or not, and nowhere else."""
+    tie = "[ties.held]\nfrom = [0.5, 3.2, 0.8]\nground = [0.5, 9.0, 0.8]\nyield = 500.0\n"
+    found = fenics_contact.mechanisms(scene_of(tmp_path, WALLS + tie))
+    ties = {name: row.record()["ties"] for row in found.rows for name in names_of(row)}
+    assert ties["thick inwards -y"] == "held 500 N (yields)"
+    assert ties["thick outwards +y"] == "held (slack)"
+    assert {text for name, text in ties.items() if name.startswith("thin")} == {""}
 
 
 def test_what_is_repaired_is_not_asked(tmp_path):
@@ -280,7 +343,8 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run = run_here(["mechanisms", "walls.toml", "--exclude", "thin", "-o", "out"], capsys)
     assert run.code == 0, run
-    assert "whole +y: 0.4 g  a0* = 3.924 m/s2, 1.57 of the demand: enough" in run.out
+    assert "thick outwards +y: 0.4 g  a0* = 3.924 m/s2, 1.57 of the demand: enough" in run.out
+    assert "also: whole +y" in run.out
     record = json.loads((tmp_path / "out/mechanisms.json").read_text())
     with (tmp_path / "out/mechanisms.csv").open() as file:
         table = list(csv.DictReader(file))
@@ -292,6 +356,9 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "out/report.html").read_text()
     assert page.count("<img") == len(table)
     assert "a0* / demand" in page
+    assert "Computed on 20" in page and "Torsion is not limited" in page  # solve.quick
+    for text in ("2000 kg/m3", "Coulomb friction 0.6", "FC = 1, 2.5 m/s2 asked for"):
+        assert text in page.partition("Assumptions")[2]
 
 
 @pytest.mark.parametrize(

@@ -85,9 +85,8 @@ def first_page(content: Content) -> Iterator[str]:
     record = content.record
     status = record["status"]
     ends = record["directions"]
-    made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
     yield heading(record["title"] or "Limit load", 1)
-    yield paragraph(content.labels.line(made), kind="labels")
+    yield paragraph(content.made, kind="labels")
     yield paragraph(record["answer"]["question"], kind="question")
     more = record["answer"]["more"]
     verdicts = [line for line in more if line.startswith(VERDICTS)]
@@ -102,7 +101,7 @@ def first_page(content: Content) -> Iterator[str]:
         yield paragraph(sentence(STATUS[status]))
     how = list(_collapses(record))
     decides = [sentence(line) for line in more if line not in verdicts] + [UNCRACKED]
-    rows = list(_assumptions(record, content.units))
+    rows = list(assumptions(content))
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"] and "depth" not in size  # which has three views
@@ -146,8 +145,9 @@ def way_of(record: Record, direction: str) -> str:
     return direction_words(direction) if way in ("", "as given", "reversed") else way
 
 
-def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
+def assumptions(content: Content) -> Iterator[tuple[str, str]]:
     """What the answer rests on, in kN, MPa, and m or mm."""
+    record, units = content.record, content.units
     scene = record["scene"]
     width, height, *deep = (
         units.length(scene["size"][name], 4)
@@ -188,6 +188,10 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
             yield f"{noun}{several} {', '.join(names[:SHOWN])}{more}", words
     if names := scene.get("supports"):
         yield "supports", ", ".join(names)
+    if seismic := scene.get("seismic"):
+        demand = seismic.get("demand")
+        asked = f", {demand:g} m/s2 asked for" if demand is not None else ""
+        yield "seismic check", f"FC = {seismic['confidence_factor']:g}{asked}"
     for one in list(record.get("soil") or [])[:SHOWN]:
         least, most = (units.text(one[key], f"N {PER_METRE}", 4) for key in ("active", "passive"))
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"

@@ -110,6 +110,12 @@ class Content:
         thickness = 1.0 if self.record.get("dimension") == 3 else scene.get("thickness")
         return Units("mm" if wished == "mm" else "m", thickness)
 
+    @property
+    def made(self) -> str:
+        """Whom the report is for and from, and when and by what the result was made."""
+        date, version = str(self.record["date"])[:10], self.record["version"]
+        return self.labels.line(f"Computed on {date} with fenics-contact {version}")
+
     def picture_of(self, stem: str, direction: str) -> str:
         """Data URI of a picture of one end; empty if there is none."""
         apart = len(self.record["directions"]) == 2 and direction == "negative"

@@ -16,6 +16,7 @@ from typing import Any
 from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import (
+    assumptions,
     first_page,
     given_rows,
     gravity_of,
@@ -133,9 +134,8 @@ def write_report(
         sweep = read_sweep(folder) if apart else None
         rows = read_mechanisms(folder) if apart and sweep is None else None
         if rows is not None:
-            made = labels.line(f"Computed with fenics-contact {rows['version']}")
-            head = [heading(f"Mechanisms: {rows['title']}", 1), paragraph(made, kind="labels")]
-            page = _page(f"Mechanisms: {rows['title']}", [*head, *_of_mechanisms(rows, folder)])
+            title = f"Mechanisms: {rows['title']}"
+            page = _page(title, _of_mechanisms(title, Content(rows, labels=labels), folder))
         elif sweep is None:
             content = read_content(folder, labels)
             page = report_page(content)
@@ -338,23 +338,30 @@ def sensitivity(content: Content) -> Iterator[str]:
         yield from _of_sweep(content.sweep, ROWS)
 
 
-def _of_mechanisms(record: Record, folder: Path) -> Iterator[str]:
-    """The table of mechanisms, the worst first, and their pictures."""
+def _of_mechanisms(title: str, content: Content, folder: Path) -> Iterator[str]:
+    """The table of mechanisms, the worst first, assumptions, and pictures."""
     columns = {"load_factor": "load factor, g", "a0": "a0*, m/s2", "over_demand": "a0* / demand"}
+    record = content.record
     rows = record["rows"]
     given = [key for key in columns if any(row[key] is not None for row in rows)]
+    yield heading(title, 1)
+    yield paragraph(content.made, kind="labels")
     yield paragraph(
         "Each is a limit load by itself, verified: what is named is pushed with what moves with it,"
         " the worst first.",
         sentence(record["stopped"]) if record["stopped"] else "",
     )
     cells = [
-        [f"{number} {row['part']} {row['way']}"]
+        [f"{number} {row['part']} {row['way']}" + f"; also {row['also']}" * bool(row["also"])]
         + ["-" if row[key] is None else f"{row[key]:.4g}" for key in given]
         + [row["moves"], row["ties"]]
         for number, row in enumerate(rows, 1)
     ]
     yield table(cells, ["", *(columns[key] for key in given), "what moves", "ties"])
+    yield heading("Assumptions")
+    yield table(row for row in assumptions(content) if not row[0].startswith("live load"))
+    yield paragraph(*map(sentence, record["remarks"]))
+    yield from (*warnings(content), *notes(content))
     for number, row in enumerate(rows, 1):
         if address := address_of(folder / row.get("picture", "")):
             yield picture(address, f"{number} {row['part']} {row['way']}: {row['moves']}.")
