@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fenics_contact.errors import InputError, require
+from fenics_contact.errors import InputError, check_type, require, types_of
 from fenics_contact.geometry import builders
 from fenics_contact.geometry.dxf.blocks import read_dxf
 from fenics_contact.geometry.gmsh_mesh import read_file
@@ -330,6 +330,8 @@ def called(name: str, builder: Callable[..., Any], given: Mapping[str, Any]) -> 
     missing = sorted(set(known) - {*usual, *(inner.__kwdefaults__ or ()), *given})
     text = f"blocks.{min(missing, default='')} is missing; the builder '{name}' needs it"
     require(not missing, text)
+    for key, value in given.items():
+        check_type(f"blocks.{key}", value, types_of(builder)[key])
     try:
         return builder(**given)
     except InputError as error:

@@ -43,8 +43,8 @@ MARGIN = 0.5
 SPRINGER = 5.0
 #: Walls about a plan: their axis, 0 for x, and whether they are at the end of the other one.
 SIDES = {"south": (0, 0), "north": (0, 1), "west": (1, 0), "east": (1, 1)}
-#: The same of inner walls.
-INNER = (1, 0)
+#: What inner walls are called, by their axis.
+INNER = ("inner_x", "inner")
 #: Least difference of lengths, in parts of them.
 SAME = 1e-9
 
@@ -158,6 +158,7 @@ def house(
     floors: Sequence[float] = (),
     floor_strips: int = 1,
     inner: Sequence[float] = (),
+    inner_x: Sequence[float] = (),
     gables: Mapping[str, float] | None = None,
 ) -> Blocks:
     """Four toothed walls with openings, and floors that rest on the two walls along x.
@@ -175,7 +176,10 @@ def house(
         floor_strips: Blocks of a floor in a room, side by side; 1 is a stiff slab.
         inner: Western faces, x, of inner walls along y, toothed with both walls along x: "inner_1"
             and so on.
-        gables: Heights of triangular gables on top, by the names of walls.
+        inner_x: Southern faces, y, of inner walls along x: "inner_x_1" and so on. Floors run
+            through them.
+        gables: Heights of triangular gables above `height`, by the names of walls; the crown is
+            above the middle of the wall.
 
     Raises:
         InputError: See `wall`; or if a floor is outside the walls, or cuts an opening, or inner
@@ -185,7 +189,7 @@ def house(
     names = {side: side for side in SIDES}
     given = openings or {}
     more: dict[str, Any] = {"floors": floors, "floor_strips": floor_strips}
-    more |= {"inner": inner, "gables": gables or {}}
+    more |= {"inner": (inner_x, inner), "gables": gables or {}}
     return _masonry(names, size, height, thickness, brick, given, **more)
 
 
@@ -424,8 +428,9 @@ def viaduct(
     cover: float = 0.3,
     strips: int = 3,
     spandrel: float = 0.3,
+    abutments: bool = True,
 ) -> Blocks:
-    """Arches on piers and abutments along x, which stand on the ground, with a level road.
+    """Arches on piers along x, which stand on the ground, between abutments, with a level road.
 
     Its section is that of the planar builder `bridge`. Between the spandrel walls are blocks of the
     group "fill", one over every voussoir, which spread loads and push back as the walls do.
@@ -441,6 +446,9 @@ def viaduct(
         cover: Height of the road above the crown.
         strips: Number of voussoirs across the bridge, bonded.
         spandrel: Thickness of the spandrel walls.
+        abutments: Whether what is as wide as a pier at both ends, x from -pier[0] to 0 and behind
+            the last arch, is fixed up to the road: "abutment_left", "abutment_right". Else these
+            are piers that stand free.
 
     Raises:
         InputError: If lengths or numbers make no bridge.
@@ -450,15 +458,23 @@ def viaduct(
     whole = np.linspace(0.0, width, strips + 1)
     shifted = np.array([0.0, *(0.5 * (whole[1:] + whole[:-1])), width]) if strips > 1 else whole
     walled = np.array([0.0, spandrel, width - spandrel, width])
-    blocks = []
+    far = spans * (span + pier[0])
+    blocks = [_ground((-pier[0], 0.0), (far, width), -pier[1])] if abutments else []
+    held: dict[str, list[Polyhedron]] = defaultdict(list)
     for number, (outline, name) in enumerate(zip(drawn.blocks, drawn.names, strict=True), 1):
         above = name == "spandrels"
         cuts = walled if above else np.array([0.0, width])
         cuts = [whole, shifted][number % 2] if name == "voussoirs" else cuts
+        reach = {"left": outline[:, 0].min() + pier[0], "right": far - outline[:, 0].max()}
+        ends = [end for end, apart in reach.items() if abutments and apart <= SAME * far]
         for strip, along in enumerate(pairwise(cuts), 1):
             group = "fill" if above and strip == 2 else name
             solid = Polyhedron.hull([(x, y, z) for y in along for x, z in outline])
-            blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
+            for end in ends:
+                held[f"abutment_{end}"].append(solid)
+            if not ends:
+                blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
+    blocks += [Block(tuple(solids), end, "ground", True) for end, solids in held.items()]
     return tuple(blocks)
 
 
@@ -474,7 +490,7 @@ def _masonry(
     openings: Rows | Mapping[str, Rows] = (),
     floors: Sequence[float] = (),
     floor_strips: int = 1,
-    inner: Sequence[float] = (),
+    inner: Sequence[Sequence[float]] = ((), ()),
     gables: Mapping[str, float] | None = None,
 ) -> Blocks:
     """Walls about a plan, toothed where they meet, on the ground.
@@ -491,7 +507,7 @@ def _masonry(
         openings: See `wall`, in its only wall along x; or see `house`.
         floors: See `house`.
         floor_strips: Blocks of a floor in a room.
-        inner: See `house`.
+        inner: Near faces of inner walls along x and along y, see `house`.
         gables: See `house`.
     """
     require(min(brick) > 0.0, f"brick = {list(brick)} must be positive")
@@ -509,22 +525,41 @@ def _masonry(
         _check_more(*size[axis], low + plan[axis] - high)
     given = openings if isinstance(openings, Mapping) else {"south": openings}
     floor_courses = {round(level / rise): f"floors: {level:g}" for level in floors}
-    toothed = [k for k in range(1, count, 2) if k not in floor_courses]
-    rooms = [thickness, *(x for near in inner for x in (near, near + thickness))]
-    rooms.append(plan[0] - thickness)
-    for low, high in zip(rooms[::2], rooms[1::2], strict=True) if inner else ():
-        _check_more("inner", high, low + 0.5 * brick[0])
-    walled = [(near, near + thickness, "") for near in inner]
-    taken = {side: {k: walled[:] for k in toothed if inner} for side in names if not SIDES[side][0]}
-    within = {f"inner_{number}": near for number, near in enumerate(inner, 1)}
+    within = {
+        f"{kind}_{number}": (axis, near)
+        for axis, kind in enumerate(INNER)
+        for number, near in enumerate(inner[axis], 1)
+    }
     names = {**names, **{name: name for name in within}}
+    axes = {side: (within.get(side) or SIDES[side])[0] for side in names}
+    rooms = []
+    for axis, faces in enumerate(inner):
+        edges = [thickness, *(x for near in faces for x in (near, near + thickness))]
+        edges.append(plan[1 - axis] - thickness)
+        rooms = list(zip(edges[::2], edges[1::2], strict=True))
+        for low, high in rooms if faces else ():
+            _check_more(INNER[axis], high, low + 0.5 * brick[0])
+    taken = {
+        side: {
+            course: [(near, near + thickness, "") for near in inner[1 - axis]]
+            for course in range(1 - axis, count, 2)
+            if course not in floor_courses
+        }
+        for side, axis in axes.items()
+    }
+
+    def near_face(side: str, across: float) -> float:
+        if side in within:
+            return within[side][1]
+        return SIDES[side][1] * (plan[1 - axes[side]] - across)
+
     for kind, of in (("openings", given), ("gables", gables or {})):
         unknown = ", ".join(sorted(set(of) - set(names)))
         require(not unknown, f"{kind}.{unknown}: the walls are {', '.join(names)}")
     for side, rows in given.items():
         key = f"openings.{side}" if given is openings else "openings"
-        run = ends(SIDES.get(side, INNER)[0], thickness)
-        taken[side] = _openings(key, rows, run, count, rise, brick[0], taken.get(side, {}))
+        run = ends(axes[side], thickness)
+        taken[side] = _openings(key, rows, run, count, rise, brick[0], taken[side])
     for course, name in floor_courses.items():
         text = f"must be between {rise:g} and {height - rise:g}, the last course"
         require(1 <= course < count, f"{name} {text}")
@@ -537,26 +572,26 @@ def _masonry(
         deep = 0.5 * thickness if is_floor else thickness
         through = 0 if is_floor else course % 2
         for side, name in names.items():
-            axis, far = SIDES.get(side, INNER)
+            axis = axes[side]
+            if is_floor and side in within and not axis:
+                continue
             across = thickness if axis else deep
-            near = within.get(side, far * (plan[1 - axis] - across))
+            near = near_face(side, across)
             run = ends(axis, 0.0 if axis == through else deep)
-            holes = taken.get(side, {}).get(course, [])
+            holes = taken[side].get(course, [])
             bricks = _bricks(run, holes, brick[0], (course + axis) % 2)
             for number, (start, end, group) in enumerate(bricks):
                 corners = np.array([[start, near, low], [end, near + across, high]])
                 lowest, highest = corners[:, [1, 0, 2]] if axis else corners
                 title = f"{name}_{course + 1}_{number + 1}"
                 blocks.append(_box(lowest, highest, title, group))
-        edges = zip(rooms[::2], rooms[1::2], strict=True) if is_floor else ()
-        cuts = [np.linspace(*room, floor_strips + 1) for room in edges]
+        cuts = [np.linspace(*room, floor_strips + 1) for room in rooms * is_floor]
         slabs = [slab for some in cuts for slab in pairwise(some)]
         for number, (start, end) in enumerate(slabs):
             name = f"floor_{course + 1}_{number + 1}"
             blocks.append(_box((start, deep, low), (end, plan[1] - deep, high), name, "floors"))
     for side, above in (gables or {}).items():
-        axis, far = SIDES.get(side, INNER)
-        near = within.get(side, far * (plan[1 - axis] - thickness))
+        near, axis = near_face(side, thickness), axes[side]
         faces = (near, near + thickness)
         blocks += _gable(names[side], axis, faces, plan[axis], (height, above), brick[0], count)
     return tuple(blocks)
@@ -704,10 +739,10 @@ def _hexahedron(corners: Any, name: str, group: str, fixed: bool = False) -> Blo
     return Block((Polyhedron.hexahedron(corners),), name, group, fixed)
 
 
-def _ground(low: Pair, high: Pair) -> Block:
-    """A fixed block below z = 0, with a margin around a plan."""
-    bottom = (low[0] - MARGIN, low[1] - MARGIN, -GROUND)
-    return _box(bottom, (high[0] + MARGIN, high[1] + MARGIN, 0.0), "ground", "ground", True)
+def _ground(low: Pair, high: Pair, level: float = 0.0) -> Block:
+    """A fixed block below a level, with a margin around a plan."""
+    bottom = (low[0] - MARGIN, low[1] - MARGIN, level - GROUND)
+    return _box(bottom, (high[0] + MARGIN, high[1] + MARGIN, level), "ground", "ground", True)
 
 
 def _check_more(name: str, length: float, least: float) -> None:

@@ -297,6 +297,11 @@ class BlockScene(OfFile):
             more = ", ..." if len(light) > NAMED else ""
             what = "have no weight: their material has no density"
             yield f"{counted(len(light), 'block')} {what} ({names}{more})"
+        arches = {"voussoirs", "vault"} & {block.group for block in self.blocks}
+        loaded = self.live.force or self.live.traction
+        if arches and loaded and all(law.compressive_strength == np.inf for law in used):
+            cure = "give materials.default.compressive_strength, Pa"
+            yield f"the arches do not crush and may carry too much: {cure}"
         keys = {law.key for law in used}
         for key, law in self.laws().items():
             if law.acts and key not in {*keys, "joints.default"}:

@@ -67,6 +67,18 @@ MADE = {
         0.2 * ((2.0 * 4.8 + 4.0 * 2.8) * 2.4 - 0.8 * 1.6 + 1.5 * 3.2)
         + 0.2 * (4.0 * 3.0 - 2.0 * 4.8 * 0.1 + 4.0 * 0.2 * 0.2),
     ),
+    "house with rooms both ways": (
+        partial(
+            builders.house,
+            **HOUSE,
+            inner=[2.0],
+            inner_x=[1.6],
+            floors=[1.2],
+            gables={"inner_x_1": 1.0},
+        ),
+        0.2 * ((2.0 * 4.8 + 3.0 * 2.8) * 2.4 + (4.4 - 0.2) * 2.2 + 0.5 * 4.8 * 1.0)
+        + 0.2 * (4.2 * 3.0 - 2.0 * 4.8 * 0.1 + 3.0 * 0.2 * 0.2),
+    ),
     "tower": (
         partial(
             builders.tower, width=3.0, height=6.0, thickness=0.5, top_width=2.0, brick=(1.0, 0.5)
@@ -187,6 +199,7 @@ def test_dome_fills_its_rings():
         ("house", {"openings": WINDOWS, "floors": [1.2]}, "1.2 is in an opening of south"),
         ("house", {"floors": [2.4]}, "2.4 must be between 0.2 and 2.2, the last course"),
         ("house", {"inner": [2.0, 2.3]}, "inner = 2.3 must be more than 2.4"),
+        ("house", {"inner_x": [0.3]}, "inner_x = 0.3 must be more than 0.4"),
         (
             "house",
             {"inner": [1.0], "openings": WINDOWS},

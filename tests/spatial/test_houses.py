@@ -73,7 +73,8 @@ def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
     sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}
     rough = {"default": {"friction": 0.6}}
     plane = factor_of(tmp_path, [1.0, 0.0], blocks={"builder": "bridge", **sizes}, joints=rough)
-    viaduct = {"builder": "viaduct", "width": 2.0, "strips": 2, **sizes}
+    free = {"abutments": False, "strips": 2}
+    viaduct = {"builder": "viaduct", "width": 2.0, **free, **sizes}
     space = factor_of(tmp_path, [1.0, 0.0, 0.0], blocks=viaduct, joints=rough)
     assert space == pytest.approx(plane, rel=1e-3)
 
@@ -81,7 +82,7 @@ def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
 def test_parts_of_a_viaduct(tmp_path):
     """Fill between spandrel walls, sizes, and an axle whose force is told in kN."""
     sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0, "voussoirs": 9}
-    blocks = {"builder": "viaduct", "spandrel": 0.5, **sizes}
+    blocks = {"builder": "viaduct", "spandrel": 0.5, "abutments": False, **sizes}
     on_road = {"axle": {"x": 1.0, "y": 1.2, "force": [0.0, 0.0, -1e5]}}
     loads = {"dead": DEAD[3], "live": {"force": on_road}}
     rough = {"default": {"friction": 0.6}}
@@ -100,6 +101,25 @@ def test_parts_of_a_viaduct(tmp_path):
     result = limit_load(scene)
     assert result.status == "limit"
     assert "kN" in result.summary().splitlines()[0]
+
+
+def test_abutments_of_a_viaduct_do_not_move(tmp_path):
+    """All up to the road before x = 0 and behind the last arch is one block each, and ground."""
+    sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0, "voussoirs": 9, "spans": 2}
+    loads = {"dead": DEAD[3], "live": {"force": {"axle": {"x": 1.0, "force": [0.0, 0.0, -1.0]}}}}
+    given = {"dimension": 3, "blocks": {"builder": "viaduct", **sizes}, "loads": loads}
+    scene = Scene.from_tables({**BASE, **given}, tmp_path)
+    fixed = {block.name: block.extent for block in scene.blocks if block.fixed}
+    assert set(fixed) == {"ground", "abutment_left", "abutment_right"}
+    low, high = fixed["abutment_left"]
+    assert [*low, *high] == pytest.approx([-1.5, 0.0, -2.0, 0.0, 2.0, 1.684621])
+    assert fixed["abutment_right"][0][0] == pytest.approx(2.0 * 4.0 + 1.5)
+    assert {b.name.split("_")[0] for b in scene.blocks if b.group == "piers"} == {"pier"}
+    (warning,) = [text for text in scene.structure().warnings if "crush" in text]
+    assert "materials.default.compressive_strength" in warning
+    strong = {"default": {"density": 2000.0, "compressive_strength": 5e6}}
+    scene = Scene.from_tables({**BASE, **given, "materials": strong}, tmp_path)
+    assert not any("crush" in text for text in scene.structure().warnings)
 
 
 def test_an_axle_on_the_highest_side(tmp_path):
