@@ -12,18 +12,19 @@ from fenics_contact.answers.question import Asked
 from fenics_contact.answers.seismic import seismic_check
 from fenics_contact.errors import SolverError, Stopped, require
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import TieState
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import Units
 from fenics_contact.spatial.limit import searched_for
 from fenics_contact.spatial.other_states import LowestOfBlocks
 from fenics_contact.spatial.question import BlockQuestion
-from fenics_contact.spatial.result import ANOTHER
+from fenics_contact.spatial.result import ANOTHER, ties_of
 from fenics_contact.spatial.ties import part_of
 
 #: Accuracy of the yield that is needed, relative, and largest multiple of the given one tried.
 PRECISION, MOST = 0.01, 64.0
-#: A secant's point is this far inside of its interval, in parts of it.
-WITHIN = 0.1
+#: The part of this accuracy that a secant's point is away from the ends of its interval.
+WITHIN = 0.9
 
 
 @dataclass(frozen=True)
@@ -151,25 +152,36 @@ def _acceleration(question: BlockQuestion) -> float:
     return math.inf if check is None else check.acceleration
 
 
+def _yields(question: BlockQuestion) -> bool:
+    """Whether a tie yields in a collapse."""
+    return bool(np.any(ties_of(question.structure, question.end).get("state") == TieState.YIELDS))
+
+
 def _needed(question: BlockQuestion, bare: BlockQuestion) -> float:
-    """The least multiple of all yields with which a0* reaches the demand, see `WithoutTies`."""
-    demand = question.scene.seismic.demand
+    """The least multiple of all yields with which a0* reaches the demand, see `WithoutTies`.
+
+    A state in which no tie yields is one of stronger ties, too. Secants follow, of which the end
+    that stays counts half (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168).
+    """
+    demand, strong = question.scene.seismic.demand, question
     low, high = 0.0, 1.0
-    under, over = _acceleration(bare), _acceleration(question)
-    if under >= demand:
+    under, over = _acceleration(bare) - demand, _acceleration(question) - demand
+    if under >= 0.0:
         return 0.0
-    while over < demand:
-        low, under, high = high, over, 2.0 * high
-        if high > MOST:
+    while over < 0.0:
+        if over <= under or high == MOST or not _yields(strong):
             return math.inf
-        over = _acceleration(_with_yields(question, high))
-        if over <= under:
-            return math.inf
+        further = high - over * (high - low) / (over - under)
+        low, under, high = high, over, min((1.0 + 0.5 * PRECISION) * further, MOST)
+        strong = _with_yields(question, high)
+        over = _acceleration(strong) - demand
     while high - low > PRECISION * high:
-        share = (demand - under) / (over - under) if math.isfinite(over) else 0.5
-        middle = low + (high - low) * float(np.clip(share, WITHIN, 1.0 - WITHIN))
-        found = _acceleration(_with_yields(question, middle))
-        low, under, high, over = (
-            (low, under, middle, found) if found >= demand else (middle, found, high, over)
-        )
+        share = under / (under - over) if math.isfinite(over) else 0.5
+        least = WITHIN * PRECISION * high
+        middle = float(np.clip(low + share * (high - low), low + least, high - least))
+        found = _acceleration(_with_yields(question, middle)) - demand
+        if found >= 0.0:
+            high, over, under = middle, found, 0.5 * under
+        else:
+            low, under, over = middle, found, 0.5 * over
     return high

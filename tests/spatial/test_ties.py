@@ -176,7 +176,8 @@ def anchored(dimension, tie=None, folder=None, **more):
 def test_what_a_tie_brings_and_what_the_demand_needs(tmp_path, dimension):
     """From F to F + Y / W; a0* = lambda g / FC of one part, so that Y = (FC a / g - F) W."""
     weight = 4.0 * WEIGHT
-    for demand, needed in ((3.0, (1.35 * 0.3 - FRICTION) * weight / 1e4), (2.0, 0.0)):
+    for demand in (3.0, 20.0, 2.0):
+        needed = max((1.35 * demand / 10.0 - FRICTION) * weight / 1e4, 0.0)
         result = limit_load(anchored(dimension, folder=tmp_path, seismic={"demand": demand}))
         found = result.ends["positive"].without_ties
         assert found.status == "limit"
