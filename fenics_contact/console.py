@@ -169,8 +169,8 @@ class SweepProgress:
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
             factors = " and ".join(f"{factor:.6g}" for factor in both if not math.isnan(factor))
-            starts = [a0 for a0 in (point.a0, point.a0_negative) if not math.isnan(a0)]
-            factors += f", a0* = {min(starts):.4g} m/s2" if starts else ""
+            factors += f": {point.load}" * bool(point.load)
+            factors += f", a0* = {point.start:.4g} m/s2" if math.isfinite(point.start) else ""
             found = f"it collapses at load factor {factors}" if point.solved else point.reason
             found = "nothing limits the live load" if point.status == "unbounded" else found
             text = f"{done:{len(str(total))}d} of {total}  {values}: {found}   ({left:.0f} s left)"

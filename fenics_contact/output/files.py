@@ -91,7 +91,7 @@ UNITS: Mapping[str, str] = {
         "m": "gap spacing x y level displacement length width height",
         "m2": "area",
         "degrees": "dilatancy tilt friction_angle wall_friction rotation",
-        "m/s2": "body",
+        "m/s2": "body demand",
         "N/m3": "unit_weight",
         "N per metre of thickness": "force resultants",
         "N per metre of thickness, N with a spacing": "yield prestress",

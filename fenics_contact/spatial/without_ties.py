@@ -23,8 +23,6 @@ from fenics_contact.spatial.ties import part_of
 
 #: Accuracy of the yield that is needed, relative, and largest multiple of the given one tried.
 PRECISION, MOST = 0.01, 64.0
-#: The part of this accuracy that a secant's point is away from the ends of its interval.
-WITHIN = 0.9
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ def _needed(question: BlockQuestion, bare: BlockQuestion) -> float:
         over = _acceleration(strong) - demand
     while high - low > PRECISION * high:
         share = under / (under - over) if math.isfinite(over) else 0.5
-        least = WITHIN * PRECISION * high
+        least = 0.9 * PRECISION * high  # away from both ends, so that one more point may do
         middle = float(np.clip(low + share * (high - low), low + least, high - least))
         found = _acceleration(_with_yields(question, middle)) - demand
         if found >= 0.0:

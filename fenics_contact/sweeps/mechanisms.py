@@ -96,9 +96,14 @@ class Mechanism:
     @property
     def moves(self) -> str:
         """What moves, and how, in words; without a limit why."""
-        return (
-            in_words(views_of(self.result)["positive"]) if self.result.limits else self.end.reason
-        )
+        limits = self.result.limits
+        return in_words(views_of(self.result)["positive"]) if limits else self.end.reason
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Its place in the table: the worst first, what has no limit last."""
+        value = self.check.acceleration if self.check else self.end.load_factor
+        return self.end.status != "limit", value
 
     def record(self) -> dict[str, Any]:
         """The row as files have it; numbers are None where there is no limit."""
@@ -127,11 +132,9 @@ class Mechanism:
         """What ties carry of which an end moves, as of `ties_of`."""
         view = views_of(self.result)["positive"]
         moves = np.append(_moving(self.result), False)  # the ground, -1, does not
-        mine = moves[view.tie_blocks].any(axis=1)
-        return {
-            key: values[np.isin(view.ties["name"], view.ties["name"][mine])]
-            for key, values in view.ties.items()
-        }
+        names = view.ties.get("name", np.empty(len(view.tie_blocks)))
+        mine = np.isin(names, names[moves[view.tie_blocks].any(axis=1)])
+        return {key: values[mine] for key, values in view.ties.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,14 +157,9 @@ class Mechanisms:
         lines = []
         for number, row in enumerate(self.rows, 1):
             one = row.record()
-            factor, a0, over = (
-                "-" if one[key] is None else f"{one[key]:.4g}"
-                for key in ("load_factor", "a0", "over_demand")
-            )
-            seismic = f"  a0* = {a0} m/s2" * (self.scene.seismic is not None)
-            enough = "NOT " * ((one["over_demand"] or 0.0) < 1.0) + "enough"
-            verdict = "" if over == "-" else f", {over} of the demand: {enough}"
-            lines.append(f"{number:3}  {row.part} {row.way}: {factor} g{seismic}{verdict}")
+            factor = "-" if one["load_factor"] is None else f"{one['load_factor']:.4g}"
+            seismic = f"  a0* = {row.check.value_and_verdict}" if row.check else ""
+            lines.append(f"{number:3}  {row.part} {row.way}: {factor} g{seismic}")
             also, ties = (f"{key}: {one[key]}" * bool(one[key]) for key in ("also", "ties"))
             lines += [f"       {text}" for text in (one["moves"], also, ties) if text]
         return "\n".join(lines)
@@ -268,22 +266,12 @@ def mechanisms(
     orders = [(part, way, first.get(way.split()[-1], none)) for part in left for way in part.ways]
     likes = [(_alike(moves, part), way.split()[-1]) for part, way, moves in orders if moves.any()]
     most = {axis: like for like, axis in sorted(likes)}  # the largest one of each
-    run(
-        search.of_part,
-        [
-            (part, way, moves if _alike(moves, part) == most.get(way.split()[-1]) else none)
-            for part, way, moves in orders
-        ],
-    )
-
-    def rank(row: Mechanism) -> tuple[bool, float]:
-        """The worst first, what has no limit last."""
-        return (
-            row.end.status != "limit",
-            row.check.acceleration if row.check else row.end.load_factor,
-        )
-
-    return Mechanisms(scene, _once(sorted(rows, key=rank)), stopped)
+    orders = [
+        (part, way, moves if _alike(moves, part) == most.get(way.split()[-1]) else none)
+        for part, way, moves in orders
+    ]
+    run(search.of_part, orders)
+    return Mechanisms(scene, _once(sorted(rows, key=lambda row: row.rank)), stopped)
 
 
 def _once(rows: Iterable[Mechanism]) -> list[Mechanism]:
@@ -298,13 +286,10 @@ def _once(rows: Iterable[Mechanism]) -> list[Mechanism]:
         same = pushes, row.moves if row.result.limits else row.part
         moves = _moving(row.result)
         before = [one for (way, _), one in found.items() if way == pushes]
-        beaten = (
-            np.all(one.pushed[moves]) and np.any(_moving(one.result) & ~row.repaired)
-            for one in before
-        )
+        have = [_moving(one.result) for one in before if np.all(one.pushed[moves])]
         if twin := found.get(same):
             found[same] = replace(twin, also=(*twin.also, f"{row.part} {row.way}"))
-        elif not (row.part.endswith(NEXT) and any(beaten)):
+        elif not (row.part.endswith(NEXT) and np.any([one & ~row.repaired for one in have])):
             found[same] = row
     return list(found.values())
 

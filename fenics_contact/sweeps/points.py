@@ -26,7 +26,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, SolverError
+from fenics_contact.errors import InputError, SolverError, require
 from fenics_contact.geometry.mesh import BlockMesh, Flags
 from fenics_contact.limit_load import limit_load, limit_load_of
 from fenics_contact.output.view import view_of_collapse
@@ -108,10 +108,8 @@ def _values_of(text: str) -> list[Any]:
             if start.shape != end.shape:
                 raise InputError(f"'{text}': both ends of a range must have as many numbers")
             count = int(found[3])
-            if not 1 <= count <= MOST:
-                raise InputError(
-                    f"'{text}' must have 1 to {MOST} values, the last number of the range"
-                )
+            told = f"'{text}' must have 1 to {MOST} values, the last number of the range"
+            require(1 <= count <= MOST, told)
             exact = np.linspace(start, end, count)
             short = np.array([float(f"{x:.{DIGITS}g}") for x in exact.flat]).reshape(exact.shape)
             whole = start.dtype.kind == end.dtype.kind == "i" and np.all(short == np.round(short))
@@ -131,8 +129,7 @@ def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
         InputError: If a key varies twice, nothing varies, or there are too many points.
     """
     keys = [key for parameter in parameters for key in parameter.keys]
-    if not keys:
-        raise InputError("nothing varies; give a key and its values")
+    require(bool(keys), "nothing varies; give a key and its values")
     for key in (key for k, key in enumerate(keys) if key in keys[:k]):
         raise InputError(f"'{key}' varies twice; give all its values at once")
     if math.prod(len(parameter.values) for parameter in parameters) > MOST:
@@ -251,6 +248,8 @@ class Point:
             it; nan if not known.
         a0_negative: With the live load reversed.
         moves: The mechanism of the least load factor in words.
+        load: What is carried at the least load factor, with its unit, where the live load is forces
+            at places alone; else empty.
     """
 
     values: Values
@@ -269,6 +268,17 @@ class Point:
     a0: float = math.nan
     a0_negative: float = math.nan
     moves: str = ""
+    load: str = ""
+
+    @property
+    def place(self) -> str:
+        """Its values in words."""
+        return ", ".join(dict.fromkeys(map(value_text, self.values.values())))
+
+    @property
+    def start(self) -> float:
+        """Lower a0* of both directions; nan if none is known."""
+        return float(np.fmin(self.a0, self.a0_negative))
 
     @property
     def solved(self) -> bool:
@@ -365,12 +375,16 @@ def solve_point(family: Family, structure: KeptStructure, values: Values) -> Poi
     found: dict[str, Any] = {}
     for name, end in result.ends.items():
         suffix = "_negative" if name == "negative" else ""
-        low = end.bounds.lower
-        high = end.bounds.upper
-        ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
+        bounds = {"lower": end.bounds.lower, "upper": end.bounds.upper}
+        ends = {"load_factor": end.load_factor, **bounds}
         if check := seismic_check(end):
             ends["a0"] = check.acceleration
         found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
+    if result.limits:
+        worst, words = worst_of(result), result.wording
+        found["moves"] = in_words(views_of(result)[worst])
+        carried = abs(result.limits[worst].load_factor) * words.load
+        found["load"] = words.units.force(carried, 4) * words.forces
     if getattr(result.collapse, "hinges", None) is not None:
         found["load_factor_point_hinges"] = float(result.collapse.hinges.points)
     reason = result.reason()
@@ -386,7 +400,6 @@ def solve_point(family: Family, structure: KeptStructure, values: Values) -> Poi
         factorizations=result.factorizations,
         seconds=time.perf_counter() - start,
         reason=" ".join(reason.split()),
-        moves=in_words(views_of(result)[worst_of(result)]) if result.limits else "",
     )
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from fenics_contact import console
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import EXIT_CODES, InputError, checked, plain
+from fenics_contact.errors import EXIT_CODES, InputError, checked, plain, require
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.files import strict
 from fenics_contact.output.folder import drawing, going_on, replace_file, writing
@@ -104,8 +104,12 @@ class Sweep(Sequence[Point]):
         if worst is not None and equal([p.least for p in self if math.isfinite(p.least)]):
             found = f", load factor {worst.least:.5g} at all that are solved"
         elif worst is not None:
-            place = ", ".join(dict.fromkeys(map(value_text, worst.values.values())))
-            found = f", lowest load factor {worst.least:.8g} at {place}"
+            load = f" ({worst.load})" * bool(worst.load)
+            found = f", lowest load factor {worst.least:.8g}{load} at {worst.place}"
+        starts = [point for point in self if math.isfinite(point.start)]
+        first = min(starts, key=lambda point: point.start, default=None)
+        if worst and first and not worst.start <= first.start:
+            found += f", lowest a0* {first.start:.4g} m/s2 at {first.place}"
         return f"<Sweep: {counted(len(self), 'point')} over {keys}{found}>"
 
     @checked
@@ -163,10 +167,9 @@ def sweep(
     family = Family(scene if isinstance(scene, Scene) else (Path(scene), ()))
     parameters = [Parameter.of(keys, values) for keys, values in vary.items()]
     tell = console.SweepProgress() if progress and family.comm.rank == 0 else None
-    if jobs < 1:
-        raise InputError(f"jobs = {jobs} must be at least 1")
-    if jobs > 1 and family.comm.size > 1:
-        raise InputError(f"jobs = {jobs} under mpirun: the ranks share every point; leave it out")
+    require(jobs >= 1, f"jobs = {jobs} must be at least 1")
+    text = f"jobs = {jobs} under mpirun: the ranks share every point; leave it out"
+    require(jobs == 1 or family.comm.size == 1, text)
     if jobs > 1:
         family.to_send()
     with Processes(jobs) if jobs > 1 else InPlace() as beside:

@@ -257,6 +257,40 @@ def test_sweep_of_directions(tmp_path, monkeypatch, capsys):
     assert "a0*, m/s2" in page and "turns about its foot" in page and page.count("<img") == 2
 
 
+def test_sweep_tells_the_lowest_start_apart_from_the_lowest_factor(tmp_path, monkeypatch, capsys):
+    """FC divides a0* alone, friction is the load factor of a flat stone."""
+    flat = STONE.replace("0.2, 1.0]", "1.0, 0.2]")
+    (tmp_path / "stone.toml").write_text(f"dimension = 3\n{flat}{REST}")
+    monkeypatch.chdir(tmp_path)
+    line = ["sweep", "stone.toml", "--vary", "joints.default.friction=0.2,0.3"]
+    run = run_here([*line, "--vary", "seismic.confidence_factor=1,2"], capsys)
+    assert "lowest load factor 0.2 at 0.2, 1, lowest a0* 0.981 m/s2 at 0.2, 2" in run.out
+    run_here(["report", "stone_sweep"], capsys)
+    page = (tmp_path / "stone_sweep/report.html").read_text()
+    where = "joints.default.friction = 0.2, seismic.confidence_factor = 2"
+    assert f"The lowest a0* is 0.981 m/s2 at {where}." in page
+
+
+@pytest.mark.parametrize("units", ["SI", "m"])
+def test_sweep_of_a_force_tells_it(tmp_path, monkeypatch, capsys, units):
+    """A stone of 3924 N, .2 m thick, turns about its edge by a force at height z: W t / (2 z)."""
+    force = '[loads.live.force.push]\nblock = "stone"\nforce = [0.0, 100.0, 0.0]\n'
+    rest = REST.replace("[loads.live]\ndirection = [0.0, 1.0, 0.0]\n", force)
+    rest = rest.partition("[seismic]")[0] + f'[output]\nunits = "{units}"\n'
+    (tmp_path / "stone.toml").write_text(f"dimension = 3\n{STONE}{rest}")
+    monkeypatch.chdir(tmp_path)
+    at = "loads.live.force.push.at=[0.5,0.1,0.5],[0.5,0.1,0.8]"
+    run = run_here(["sweep", "stone.toml", "--vary", at], capsys)
+    carried = {"SI": ["784.8 N", "490.5 N"], "m": ["0.7848 kN", "0.4905 kN"]}[units]
+    assert all(f": {text}" in run.out for text in carried)
+    with (tmp_path / "stone_sweep/sweep.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [row["load"] for row in table] == carried
+    run_here(["report", "stone_sweep"], capsys)
+    page = (tmp_path / "stone_sweep/report.html").read_text()
+    assert f"It carries {carried[1]}." in page and carried[0] in page
+
+
 def test_sweep_of_directions_is_polar(tmp_path):
     (tmp_path / "stone.toml").write_text(f"dimension = 3\n{STONE}{REST}")
     vary = {"loads.live.angle": [0.0, 90.0, 180.0, 270.0], "solve.direction": ["both"]}
@@ -343,7 +377,7 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run = run_here(["mechanisms", "walls.toml", "--exclude", "thin", "-o", "out"], capsys)
     assert run.code == 0, run
-    assert "thick outwards +y: 0.4 g  a0* = 3.924 m/s2, 1.57 of the demand: enough" in run.out
+    assert "thick outwards +y: 0.4 g  a0* = 3.924 m/s2 = 0.4 g (1.57 times the" in run.out
     assert "also: whole +y" in run.out
     record = json.loads((tmp_path / "out/mechanisms.json").read_text())
     with (tmp_path / "out/mechanisms.csv").open() as file:
@@ -357,7 +391,7 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     assert page.count("<img") == len(table)
     assert "a0* / demand" in page
     assert "Computed on 20" in page and "Torsion is not limited" in page  # solve.quick
-    for text in ("2000 kg/m3", "Coulomb friction 0.6", "FC = 1, 2.5 m/s2 asked for"):
+    for text in ("2000 kg/m3", "Coulomb friction 0.6", "confidence factor", "2.5 m/s2"):
         assert text in page.partition("Assumptions")[2]
 
 

@@ -188,10 +188,9 @@ def assumptions(content: Content) -> Iterator[tuple[str, str]]:
             yield f"{noun}{several} {', '.join(names[:SHOWN])}{more}", words
     if names := scene.get("supports"):
         yield "supports", ", ".join(names)
-    if seismic := scene.get("seismic"):
-        demand = seismic.get("demand")
-        asked = f", {demand:g} m/s2 asked for" if demand is not None else ""
-        yield "seismic check", f"FC = {seismic['confidence_factor']:g}{asked}"
+    given = {key: (scene.get("seismic") or {}).get(key) for key in ("confidence_factor", "demand")}
+    for name, what, value in given_rows({"seismic": given}, scene["units"], units):
+        yield f"{name} {what}", value
     for one in list(record.get("soil") or [])[:SHOWN]:
         least, most = (units.text(one[key], f"N {PER_METRE}", 4) for key in ("active", "passive"))
         yield f"soil {one['name']}", f"presses with {least} to {most}, level"

@@ -82,6 +82,11 @@ def least(row: Mapping[str, str]) -> float:
     return min(known)
 
 
+def start(row: Mapping[str, str]) -> float:
+    """The lower a0* of both directions in a row, m/s2; infinite if it has none."""
+    return min(float(row.get(name) or "inf") for name in ("a0", "a0_negative"))
+
+
 @dataclass(frozen=True)
 class Content:
     """All that a report shows.

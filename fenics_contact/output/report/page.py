@@ -35,6 +35,7 @@ from fenics_contact.output.report.content import (
     read_content,
     read_mechanisms,
     read_sweep,
+    start,
 )
 from fenics_contact.output.report.html import (
     IN_PLANE,
@@ -349,7 +350,7 @@ def _of_mechanisms(title: str, content: Content, folder: Path) -> Iterator[str]:
     yield paragraph(
         "Each is a limit load by itself, verified: what is named is pushed with what moves with it,"
         " the worst first.",
-        sentence(record["stopped"]) if record["stopped"] else "",
+        record["stopped"] and sentence(record["stopped"]),
     )
     cells = [
         [f"{number} {row['part']} {row['way']}" + f"; also {row['also']}" * bool(row["also"])]
@@ -378,6 +379,10 @@ def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
         except ValueError:
             return number
 
+    def at(row: Mapping[str, str]) -> str:
+        """Values of what varies."""
+        return ", ".join(f"{key} = {row[key]}" for key in sweep.keys)
+
     solved = sorted((row for row in sweep.rows if row["status"] == "limit"), key=least)
     count = f"The sweep in '{sweep.folder}' varies {' and '.join(sweep.keys)}."
     if len(sweep.rows) < sweep.points:
@@ -388,24 +393,27 @@ def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
         one = equal([least(row) for row in solved])
         span = f"is {least(row):.5g}" if one else span
         over = f"Over its {len(solved)} limit loads the load factor {span}."
-        where = ", ".join(f"{key} = {row[key]}" for key in sweep.keys)
         end = "" if least(row) == float(row["load_factor"] or "inf") else "_negative"
-        where += " with the live load reversed" if end else ""
+        where = at(row) + " with the live load reversed" * bool(end)
         bracket = " to ".join(short(row, f"{side}{end}") for side in ("lower", "upper"))
         worst = f"The lowest is {short(row, f'load_factor{end}')} at {where};"
         worst += f" its bracket is {bracket}."
-        yield paragraph(count, over, *([] if one else [worst]))
+        worst += f" It carries {row['load']}." if row.get("load") else ""
+        first = min(solved, key=start)
+        early = f"The lowest a0* is {start(first):.4g} m/s2 at {at(first)}."
+        yield paragraph(
+            count, over, "" if one else worst, early if start(first) < start(row) else ""
+        )
     else:
         yield paragraph(count, "It has no limit load.")
     if sweep.picture:
         yield picture(sweep.picture, "Load factor over what the sweep varies.")
     if sweep.worst:
         yield picture(sweep.worst, "Mechanism where the load factor is lowest.")
-    columns = {"load_factor": "load factor"}
-    if any(row.get("load_factor_negative") for row in sweep.rows):
-        columns |= {"load_factor_negative": "live load reversed"}
-    more = {"a0": "a0*, m/s2", "a0_negative": "a0*, reversed, m/s2", "moves": "what moves"}
-    columns |= {key: told for key, told in more.items() if any(row.get(key) for row in sweep.rows)}
+    more = {"load_factor_negative": "live load reversed", "load": "load"}
+    more |= {"a0": "a0*, m/s2", "a0_negative": "a0*, reversed, m/s2", "moves": "what moves"}
+    given = {key: told for key, told in more.items() if any(row.get(key) for row in sweep.rows)}
+    columns = {"load_factor": "load factor"} | given
     rows = [
         [*(row[key] for key in sweep.keys), row["status"].replace("_", " ")]
         + [short(row, name) for name in columns]
