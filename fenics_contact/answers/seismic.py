@@ -117,10 +117,8 @@ class SeismicAnswer(Asked):
     def asked_by(cls, scene: Shared) -> str:
         """The factor of the code, where the scene asks for the check."""
         asked = scene.seismic
-        if asked is None:
-            return ""
-        demand = f", demand {asked.demand:g} m/s2" if asked.demand else ""
-        return f"seismic check with FC = {asked.confidence_factor:g}{demand}"
+        demand = f", demand {asked.demand:g} m/s2" if asked and asked.demand else ""
+        return f"seismic check with FC = {asked.confidence_factor:g}{demand}" if asked else ""
 
     @classmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:

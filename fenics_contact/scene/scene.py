@@ -264,8 +264,8 @@ class Force(Checked):
         given = [self.x is not None, placed, self.sides is not None]
         text = "x is missing; with blocks in place of a mesh give either block or at, or sides"
         require(given.count(True) == 1, text)
-        require(not self.axles or self.x is not None, "axles need x, the place of the first one")
-        require(self.width is None or self.x is not None, "width goes with x")
+        at_x = self.x is not None or not (self.axles or self.width)
+        require(at_x, "axles and width need x, the place of the first axle or the middle")
 
 
 #: Its name in scenes with a mesh.
@@ -406,9 +406,7 @@ class Floor(Checked):
     thrust: float | tuple[float, float] | None = ruled(
         rule(lambda v: bool(np.all(np.isfinite(v))), "must be finite (N/m)"), None, of="blocks"
     )
-    span: str | None = ruled(
-        lambda name, value: require_choice(name, value, ("x", "y")), None, of="space"
-    )
+    span: str | None = ruled(rule(lambda v: v in ("x", "y"), "must be x or y"), None, of="space")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from fenics_contact.geometry.outlines import outline_problem
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import Checked, listed
 from fenics_contact.scene.toml_tables import as_mapping, from_table, refuse_unknown
-from fenics_contact.spatial.polyhedra import Block, Polyhedron
+from fenics_contact.spatial.polyhedra import Block, Polyhedron, ReadBlocks
 from fenics_contact.spatial.surfaces import Surface, blocks_of
 
 #: Shapes of blocks: how many corners they have, 0 for any number, and the body of these.
@@ -131,12 +131,9 @@ def prism(outline: Any, name: str = "", group: str = "default", fixed: bool = Fa
 
 def prisms(outlines: Sequence[Array], groups: Sequence[str]) -> tuple[Block, ...]:
     """Blocks of a drawing, called by their groups and numbers."""
-    count: Counter[str] = Counter()
-    blocks = []
-    for outline, group in zip(outlines, groups, strict=True):
-        count[group] += 1
-        blocks.append(prism(outline, f"{group}_{count[group]}", group))
-    return tuple(blocks)
+    named = [(group, f"{group}_{groups[: k + 1].count(group)}") for k, group in enumerate(groups)]
+    every = zip(outlines, named, strict=True)
+    return tuple(prism(outline, name, group) for outline, (group, name) in every)
 
 
 @dataclass(frozen=True)
@@ -145,31 +142,6 @@ class _Changes(Checked):
 
     fixed: tuple[str, ...] = ()
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Place(Checked):
-    """Where the origin of a file or builder lies, m."""
-
-    at: tuple[float, ...]
-
-
-class ReadBlocks(NamedTuple):
-    """Blocks of the table [blocks].
-
-    Attributes:
-        blocks: Of a file, of a builder, or one by one.
-        told: How many a file names, how many were read.
-        notes: What of a file was left out, or taken otherwise than written.
-        sides: Names of sides that a drawing gives, and lines on which they lie.
-        size: Length of edges of tetrahedra, m; None: by the blocks.
-    """
-
-    blocks: tuple[Block, ...]
-    told: str = ""
-    notes: tuple[str, ...] = ()
-    sides: Mapping[str, Any] = {}
-    size: float | None = None
 
 
 def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> ReadBlocks:
@@ -202,8 +174,9 @@ def _part(name: str, table: Any, folder: Path, dimension: int) -> ReadBlocks:
     if not _is_made(given):
         kind: Any = _Polygon if dimension == 2 else _Block
         return ReadBlocks((from_table(kind, given, f"blocks.{name}").block(name),))
-    place = {"at": given.pop("at", [0.0] * dimension)}
-    at = np.array(from_table(_Place, place, f"blocks.{name}").at)
+    place = given.pop("at", [0.0] * dimension)
+    check_type(f"blocks.{name}.at", place, tuple[float, ...])
+    at = np.array(place)
     require(len(at) == dimension, f"blocks.{name}.at must be {dimension} numbers, m")
     try:
         read = _made(given, folder, dimension == 2)
@@ -263,7 +236,7 @@ def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:
             read = read._replace(told=told, notes=drawn.notes if drawn else ())
         else:
             readers = import_module("fenics_contact.spatial.readers")
-            read = ReadBlocks(*readers.read_blocks(path, unit))
+            read = readers.read_blocks(path, unit)
     else:
         name = given.pop("builder")
         read = _built_in_plane(name, given) if in_plane else ReadBlocks(built(name, given))

@@ -187,10 +187,9 @@ def house(
     """
     size = (("length", length), ("width", width))
     names = {side: side for side in SIDES}
-    given = openings or {}
-    more: dict[str, Any] = {"floors": floors, "floor_strips": floor_strips}
-    more |= {"inner": (inner_x, inner), "gables": gables or {}}
-    return _masonry(names, size, height, thickness, brick, given, **more)
+    more: dict[str, Any] = {"floors": floors, "floor_strips": floor_strips, "gables": gables}
+    more |= {"openings": openings or {}, "inner": (inner_x, inner)}
+    return _masonry(names, size, height, thickness, brick, **more)
 
 
 @_builder
@@ -458,24 +457,22 @@ def viaduct(
     whole = np.linspace(0.0, width, strips + 1)
     shifted = np.array([0.0, *(0.5 * (whole[1:] + whole[:-1])), width]) if strips > 1 else whole
     walled = np.array([0.0, spandrel, width - spandrel, width])
-    far = spans * (span + pier[0])
-    blocks = [_ground((-pier[0], 0.0), (far, width), -pier[1])] if abutments else []
-    held: dict[str, list[Polyhedron]] = defaultdict(list)
+    blocks = []
     for number, (outline, name) in enumerate(zip(drawn.blocks, drawn.names, strict=True), 1):
-        above = name == "spandrels"
-        cuts = walled if above else np.array([0.0, width])
-        cuts = [whole, shifted][number % 2] if name == "voussoirs" else cuts
-        reach = {"left": outline[:, 0].min() + pier[0], "right": far - outline[:, 0].max()}
-        ends = [end for end, apart in reach.items() if abutments and apart <= SAME * far]
-        for strip, along in enumerate(pairwise(cuts), 1):
-            group = "fill" if above and strip == 2 else name
+        cuts = {"voussoirs": [whole, shifted][number % 2], "spandrels": walled}
+        for strip, along in enumerate(pairwise(cuts.get(name, whole[[0, -1]])), 1):
+            group = "fill" if (name, strip) == ("spandrels", 2) else name
             solid = Polyhedron.hull([(x, y, z) for y in along for x, z in outline])
-            for end in ends:
-                held[f"abutment_{end}"].append(solid)
-            if not ends:
-                blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
-    blocks += [Block(tuple(solids), end, "ground", True) for end, solids in held.items()]
-    return tuple(blocks)
+            blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
+    if not abutments:
+        return tuple(blocks)
+    ends = -pier[0], spans * (span + pier[0])
+    held = [_ground((ends[0], 0.0), (ends[1], width), -pier[1])]
+    for k, end in enumerate(("left", "right")):
+        back = {b: b.pieces[0] for b in blocks if abs(b.extent[k][0] - ends[k]) <= SAME * ends[1]}
+        blocks = [block for block in blocks if block not in back]
+        held.append(Block(tuple(back.values()), f"abutment_{end}", "ground", True))
+    return (*blocks, *held)
 
 
 # ---- courses of bricks
@@ -525,40 +522,29 @@ def _masonry(
         _check_more(*size[axis], low + plan[axis] - high)
     given = openings if isinstance(openings, Mapping) else {"south": openings}
     floor_courses = {round(level / rise): f"floors: {level:g}" for level in floors}
-    within = {
-        f"{kind}_{number}": (axis, near)
-        for axis, kind in enumerate(INNER)
-        for number, near in enumerate(inner[axis], 1)
-    }
-    names = {**names, **{name: name for name in within}}
-    axes = {side: (within.get(side) or SIDES[side])[0] for side in names}
-    rooms = []
-    for axis, faces in enumerate(inner):
+    lines = {side: (*SIDES[side], SIDES[side][1] * plan[1 - SIDES[side][0]]) for side in names}
+    for axis, (kind, faces) in enumerate(zip(INNER, inner, strict=True)):
+        lines |= {f"{kind}_{number}": (axis, 0, at) for number, at in enumerate(faces, 1)}
         edges = [thickness, *(x for near in faces for x in (near, near + thickness))]
         edges.append(plan[1 - axis] - thickness)
         rooms = list(zip(edges[::2], edges[1::2], strict=True))
         for low, high in rooms if faces else ():
-            _check_more(INNER[axis], high, low + 0.5 * brick[0])
+            _check_more(kind, high, low + 0.5 * brick[0])
+    names = {side: names.get(side, side) for side in lines}
     taken = {
         side: {
             course: [(near, near + thickness, "") for near in inner[1 - axis]]
             for course in range(1 - axis, count, 2)
             if course not in floor_courses
         }
-        for side, axis in axes.items()
+        for side, (axis, *_) in lines.items()
     }
-
-    def near_face(side: str, across: float) -> float:
-        if side in within:
-            return within[side][1]
-        return SIDES[side][1] * (plan[1 - axes[side]] - across)
-
     for kind, of in (("openings", given), ("gables", gables or {})):
         unknown = ", ".join(sorted(set(of) - set(names)))
         require(not unknown, f"{kind}.{unknown}: the walls are {', '.join(names)}")
     for side, rows in given.items():
         key = f"openings.{side}" if given is openings else "openings"
-        run = ends(axes[side], thickness)
+        run = ends(lines[side][0], thickness)
         taken[side] = _openings(key, rows, run, count, rise, brick[0], taken[side])
     for course, name in floor_courses.items():
         text = f"must be between {rise:g} and {height - rise:g}, the last course"
@@ -571,19 +557,18 @@ def _masonry(
         is_floor = course in floor_courses
         deep = 0.5 * thickness if is_floor else thickness
         through = 0 if is_floor else course % 2
-        for side, name in names.items():
-            axis = axes[side]
-            if is_floor and side in within and not axis:
+        for side, (axis, far, at) in lines.items():
+            if is_floor and side.startswith(INNER[0]):
                 continue
             across = thickness if axis else deep
-            near = near_face(side, across)
+            near = at - far * across
             run = ends(axis, 0.0 if axis == through else deep)
             holes = taken[side].get(course, [])
             bricks = _bricks(run, holes, brick[0], (course + axis) % 2)
             for number, (start, end, group) in enumerate(bricks):
                 corners = np.array([[start, near, low], [end, near + across, high]])
                 lowest, highest = corners[:, [1, 0, 2]] if axis else corners
-                title = f"{name}_{course + 1}_{number + 1}"
+                title = f"{names[side]}_{course + 1}_{number + 1}"
                 blocks.append(_box(lowest, highest, title, group))
         cuts = [np.linspace(*room, floor_strips + 1) for room in rooms * is_floor]
         slabs = [slab for some in cuts for slab in pairwise(some)]
@@ -591,8 +576,8 @@ def _masonry(
             name = f"floor_{course + 1}_{number + 1}"
             blocks.append(_box((start, deep, low), (end, plan[1] - deep, high), name, "floors"))
     for side, above in (gables or {}).items():
-        near, axis = near_face(side, thickness), axes[side]
-        faces = (near, near + thickness)
+        axis, far, at = lines[side]
+        faces = (at - far * thickness, at + (1 - far) * thickness)
         blocks += _gable(names[side], axis, faces, plan[axis], (height, above), brick[0], count)
     return tuple(blocks)
 

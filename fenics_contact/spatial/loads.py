@@ -192,7 +192,7 @@ def masses_of_floor(
     parts = [(number, clipped(loop[:, :2], plan)) for number, loop in found]
     parts = [(number, part) for number, part in parts if len(part)]
     more = " and y" * (floor.axis == "z")
-    there = reach_told(corners, "xy"[: 1 + bool(more)])
+    there = reach_told(corners[:, : 1 + bool(more)])
     require(bool(parts), f"{key}: no top side at {at} lies within x{more}; {there}")
     area = np.array([polygon_area(part) for _, part in parts])
     told = sides_told(area.tolist())
@@ -309,16 +309,13 @@ def surface_loads(
         place = f"{key}.force.{name}"
         if force.sides is not None:
             given[place] = (force.sides, vector, False)
-            continue
-        if force.x is not None:
+        elif force.x is not None:
             yield place, _from_above(place, force, blocks, near)
-            continue
-        number = numbered(place, blocks, force.block, force.at, near)
-        at = blocks[number].centroid if force.at is None else lifted(force.at)
-        yield (
-            place,
-            Acting(np.array([number]), at[None], vector[None], f"block {blocks[number].name}"),
-        )
+        else:
+            number = numbered(place, blocks, force.block, force.at, near)
+            at = blocks[number].centroid if force.at is None else lifted(force.at)
+            on = f"block {blocks[number].name}"
+            yield place, Acting(np.array([number]), at[None], vector[None], on)
     for place, (name, vector, per_area) in given.items():
         require(name in sides, f"{place}: there is no [sides.{name}]; it has {listed(sides)}")
         found = list(sides[name].of(blocks, near))
@@ -362,11 +359,11 @@ def _from_above(key: str, force: Force, blocks: Sequence[Block], near: float) ->
         for at, share in _spread((first - behind, y), width, corners, near)
         for number, place in _top_at(at, blocks, near)
     ]
-    there = reach_told(corners[:, : len(force.force) - 1], "xy")
-    require(bool(axles), f"{key}: there is no block above or below ({first:g}, {y:g}); {there}")
+    there = reach_told(corners[:, : len(force.force) - 1])
+    whole = sum(part for *_, part in axles) > 1.0 - SEARCH.digits
+    text = f"{key}: there is no block above or below ({first:g}, {y:g}), or a part of its width"
+    require(whole or bool(force.axles and axles), f"{text}; {there}")
     numbers, places, parts = zip(*axles, strict=True)
-    text = f"{key}: {1.0 - sum(parts):.3g} of its width is beside the blocks; {there}"
-    require(bool(force.axles) or sum(parts) > 1.0 - SEARCH.digits, text)
     told = "block " + ", ".join(blocks[number].name for number in dict.fromkeys(numbers))
     forces = np.outer(parts, lifted(force.force))
     return Acting(np.array(numbers), np.array(places), forces, told)
@@ -406,9 +403,9 @@ def _top_at(plan: Array, blocks: Sequence[Block], near: float) -> Iterator[tuple
         yield number, np.append(plan, height)
 
 
-def reach_told(places: Array, axes: str) -> str:
-    """From where to where places, m, reach along axes."""
-    ends = zip(axes, places.min(axis=0), places.max(axis=0), strict=False)
+def reach_told(places: Array) -> str:
+    """From where to where places, m, reach along the first axes."""
+    ends = zip("xyz", places.min(axis=0), places.max(axis=0), strict=False)
     return "they reach from " + ", ".join(f"{axis} = {a:g} to {b:g}" for axis, a, b in ends)
 
 
@@ -438,9 +435,7 @@ def numbered(
         where = "at (" + ", ".join(f"{value:g}" for value in at or ()) + ")"
         place = lifted(at or ())
         every = np.vstack([block.extent for block in blocks])
-        there = "; " + (
-            reach_told(every, "xyz") if len(at or ()) == 3 else reach_told(every[:, ::2], "xy")
-        )
+        there = f"; {reach_told(every if len(at or ()) == 3 else every[:, ::2])}"
         numbers = [
             number
             for number, block in enumerate(blocks)

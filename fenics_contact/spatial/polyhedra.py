@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -226,6 +226,24 @@ class Block:
         """Lowest and highest coordinates, m."""
         corners = np.vstack([piece.corners for piece in self.pieces])
         return corners.min(axis=0), corners.max(axis=0)
+
+
+class ReadBlocks(NamedTuple):
+    """Blocks of the table [blocks], or of files.
+
+    Attributes:
+        blocks: Of a file, of a builder, or one by one.
+        told: How many bodies files name, how many blocks were read, how many things left out.
+        notes: What of a file was left out, or taken otherwise than written.
+        sides: Names of sides that a drawing gives, and lines on which they lie.
+        size: Length of edges of tetrahedra, m; None: by the blocks.
+    """
+
+    blocks: tuple[Block, ...]
+    told: str = ""
+    notes: tuple[str, ...] = ()
+    sides: Mapping[str, Any] = {}
+    size: float | None = None
 
 
 def _closed(corners: Any, sides: Iterable[Any]) -> tuple[Array, list[list[int]]]:

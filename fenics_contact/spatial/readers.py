@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import reduce
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from fenics_contact.geometry.gmsh_mesh import read_volumes
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.rules import listed
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.spatial.polyhedra import Block, ReadBlocks
 from fenics_contact.spatial.surfaces import Surface, blocks_of, ground_of, is_flat
 
 _log = logging.getLogger(__name__)
@@ -58,20 +58,6 @@ SOLIDS = re.compile("3DSOLID|BODY|.*SURFACE")
 NO_FACES = {"l", "p", "curv", "curv2", "surf"}
 
 
-class FileBlocks(NamedTuple):
-    """Blocks that files describe, and what is to be told of them.
-
-    Attributes:
-        blocks: All that were read.
-        told: Bodies that the files name, blocks that were read, things that were left out.
-        notes: What was left out, or taken otherwise than written.
-    """
-
-    blocks: tuple[Block, ...]
-    told: str = ""
-    notes: tuple[str, ...] = ()
-
-
 def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, ...]:
     """Blocks of `read_blocks`; its notes are logged as warnings."""
     found = read_blocks(path, unit)
@@ -81,7 +67,7 @@ def blocks_from_file(path: str | Path, unit: str | None = None) -> tuple[Block, 
 
 
 @checked
-def read_blocks(path: str | Path, unit: str | None = None) -> FileBlocks:
+def read_blocks(path: str | Path, unit: str | None = None) -> ReadBlocks:
     """Blocks that a file describes, or all files of a folder.
 
     Args:
@@ -128,7 +114,7 @@ def read_blocks(path: str | Path, unit: str | None = None) -> FileBlocks:
         for b in blocks
     )
     read = f"{named} named, {len(blocks)} read, {lost + len(others)} left out"
-    return FileBlocks(unique, f"'{path}': {read}", tuple(notes))
+    return ReadBlocks(unique, f"'{path}': {read}", tuple(notes))
 
 
 def _files(path: Path) -> tuple[list[Path], list[str]]:

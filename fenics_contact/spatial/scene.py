@@ -40,7 +40,7 @@ from fenics_contact.scene.scene import (
 )
 from fenics_contact.scene.toml_tables import as_mapping, from_table
 from fenics_contact.scene.units import Units
-from fenics_contact.spatial.block_tables import ReadBlocks, blocks_of_table
+from fenics_contact.spatial.block_tables import blocks_of_table
 from fenics_contact.spatial.contacts import Contact, Doubt, checked_contacts
 from fenics_contact.spatial.ground import ground_below, lowest
 from fenics_contact.spatial.loads import (
@@ -56,7 +56,7 @@ from fenics_contact.spatial.loads import (
     surface_loads,
     total,
 )
-from fenics_contact.spatial.polyhedra import Block
+from fenics_contact.spatial.polyhedra import Block, ReadBlocks
 from fenics_contact.spatial.structure import ContactLaw, Structure
 from fenics_contact.spatial.ties import bars_of
 
@@ -158,21 +158,19 @@ class BlockScene(OfFile):
         self.check_parts()
         require(not all(block.fixed for block in self.blocks), "blocks: there is none that moves")
         require(bool(self.materials), "materials is missing; give [materials.default]")
-        refused: list[tuple[str, Any, str]] = []
         for key, law in self.laws().items():
             places = any(not isinstance(end, str) for end in law.between or ())
             crushes = law.tensile_strength > 0.0 and law.compressive_strength is not None
-            refused += [
-                (f"{key}.gap", law.gap, "contacts of rigid blocks are closed; leave it out"),
-                (f"{key}.opened", law.opened != "kept", "rigid blocks keep strengths; leave it"),
-                (f"{key}.glued", law.glued, "give blocks that move as one as pieces of one block"),
-                (f"{key}.between", places, "must be two groups or blocks"),
-                (f"{key}.tensile_strength", crushes, "joints that crush carry none; leave it out"),
-            ]
+            for name, wrong, text in (
+                ("gap", law.gap, "contacts of rigid blocks are closed; leave it out"),
+                ("opened", law.opened != "kept", "rigid blocks keep strengths; leave it"),
+                ("glued", law.glued, "give blocks that move as one as pieces of one block"),
+                ("between", places, "must be two groups or blocks"),
+                ("tensile_strength", crushes, "joints that crush carry none; leave it out"),
+            ):
+                require(not wrong, f"{key}.{name}: {text}")
         quick = self.output.stress and self.solve.quick
-        refused.append(("output.stress", quick, "needs forces all over contacts; no solve.quick"))
-        for key, wrong, text in refused:
-            require(not wrong, f"{key}: {text}")
+        require(not quick, "output.stress: needs forces all over contacts; no solve.quick")
         self.check_loads()
 
     @property
@@ -231,7 +229,9 @@ class BlockScene(OfFile):
         blocks, touching, warnings = _standing(
             self.blocks, tuple(self._grounds()), depth, self.tolerance, self.dimension
         )
-        acting = list(self._acting(touching, blocks))
+        pairs = self._pairs()
+        between = ((one, (blocks[one.first], blocks[one.second])) for one in touching)
+        acting = [(one, law) for one, ends in between if (law := self._law_of(pairs, ends))]
         text = "blocks: no two of them touch, so that nothing holds them"
         require(bool(acting), "; ".join([text, *warnings]))
         contacts, laws = zip(*acting, strict=True)
@@ -270,7 +270,7 @@ class BlockScene(OfFile):
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting={**dead, **live},
             dimension=self.dimension,
-            law_of=partial(self._law_between, self._pairs(), blocks),
+            law_of=partial(self._law_between, pairs, blocks),
         )
 
     def _odd_sizes(self) -> Iterator[str]:
@@ -352,16 +352,6 @@ class BlockScene(OfFile):
             require(name in fixed, f"{text}; there are {listed(sorted(fixed))}")
             moved[fixed[name]] = motion_of(movement)
         return moved if self.dead.movement else None
-
-    def _acting(
-        self, contacts: Sequence[Contact], blocks: Sequence[Block]
-    ) -> Iterator[tuple[Contact, ContactLaw]]:
-        """Contacts that are not off, with their laws."""
-        pairs = self._pairs()
-        for contact in contacts:
-            law = self._law_of(pairs, (blocks[contact.first], blocks[contact.second]))
-            if law is not None:
-                yield contact, law
 
     def _law_of(self, pairs: dict[frozenset[str], str], ends: Sequence[Block]) -> ContactLaw | None:
         """Law of a contact between two blocks; None where it is off.

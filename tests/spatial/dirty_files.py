@@ -267,7 +267,7 @@ def lost(seed, folder):
         )
         wrong = "" if may_refuse and named else f"refused: {error}"
         return kind, fault, "refused", wrong
-    blocks, _, notes = found
+    blocks, notes = found.blocks, found.notes
     told = sum(int(n) for text in notes for n in re.findall(r"(\d+) on layer '", text))
     told += fault == "same" and any("written again" in text for text in notes)
     wrong = []
