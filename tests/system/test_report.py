@@ -207,7 +207,7 @@ def test_loads_have_places_and_units(folder, capsys):
     texts = [" ".join(cells) for cells in page.cells]
     assert "cohesion 0.002 MPa" in page.row("joint default")[0]
     assert "dead tilt 1.5 degrees" in texts
-    force = "force (0.01, 0) kN per metre of thickness, x 0 m, y 0.4 m, width 0 m"
+    force = "force (0.01, 0) kN per metre of thickness, x 0 m, y 0.4 m"
     assert f"live force P {force}" in texts
     earth = next(text for text in texts if text.startswith("dead earth left"))
     assert "level 0.5 m, unit weight 0.1 kN/m3, coefficient 1" in earth
