@@ -445,9 +445,9 @@ def viaduct(
         cover: Height of the road above the crown.
         strips: Number of voussoirs across the bridge, bonded.
         spandrel: Thickness of the spandrel walls.
-        abutments: Whether what is as wide as a pier at both ends, x from -pier[0] to 0 and behind
-            the last arch, is fixed up to the road: "abutment_left", "abutment_right". Else these
-            are piers that stand free.
+        abutments: Whether the piers at both ends, x from -pier[0] to 0 and behind the last arch,
+            are fixed, with their skewbacks: "abutment_left", "abutment_right". What is above may
+            slide: a road between walls that do not move would wedge. Else they stand free.
 
     Raises:
         InputError: If lengths or numbers make no bridge.
@@ -467,9 +467,10 @@ def viaduct(
     if not abutments:
         return tuple(blocks)
     ends = -pier[0], spans * (span + pier[0])
+    below = [block for block in blocks if block.group in ("piers", "skewbacks")]
     held = [_ground((ends[0], 0.0), (ends[1], width), -pier[1])]
     for k, end in enumerate(("left", "right")):
-        back = {b: b.pieces[0] for b in blocks if abs(b.extent[k][0] - ends[k]) <= SAME * ends[1]}
+        back = {b: b.pieces[0] for b in below if abs(b.extent[k][0] - ends[k]) <= SAME * ends[1]}
         blocks = [block for block in blocks if block not in back]
         held.append(Block(tuple(back.values()), f"abutment_{end}", "ground", True))
     return (*blocks, *held)

@@ -351,8 +351,7 @@ def _from_above(key: str, force: Force, blocks: Sequence[Block], near: float) ->
     require(force.y is None or len(force.force) == 3, text)
     first, y = float(force.x or 0.0), force.y or 0.0
     width = np.append(force.width or 0.0, 0.0)[:2]
-    moving = [block for block in blocks if not block.fixed]
-    corners = np.vstack([piece.corners for block in moving for piece in block.pieces])
+    corners = np.vstack([p.corners for b in blocks if not b.fixed for p in b.pieces])
     axles = [
         (number, place, part * share)
         for behind, part in force.axles or ((0.0, 1.0),)
