@@ -47,7 +47,7 @@ def posed(view: BlockView, point: BeyondPoint) -> BlockView:
         drawn = np.vstack([bodies.centroid, np.zeros(3)])[numbers]
         ends[:, end] = poses.placed(numbers, ends[:, end] - drawn)
     moved = replace(bodies, pieces=pieces, centroid=poses.centroid[:-1])
-    nothing = {"motion": np.zeros_like(view.motion), "live": np.zeros_like(view.live)}
+    nothing = {"motion": np.zeros_like(view.motion), "loads": {}}
     return replace(view, bodies=moved, tie_ends=ends, **nothing)
 
 

@@ -56,12 +56,12 @@ PER_CROSS, LARGEST, LEAST = 8, 0.98, 0.1
 FORCE = "#7b2d8b"
 #: Colours of contacts, and what they do; those that do nothing are thin.
 MARKS: Mapping[int, tuple[str, str]] = {
+    ContactState.CRUSHES: (FORCE, "crushes"),  # below what else it does
     ContactState.STICK: (BLACK, "closed"),
     AT_REST: (PALE_ORANGE, "open, at rest"),
     ContactState.ROCKS: (ORANGE, "opens along an edge"),
     ContactState.OPEN: (VERMILLION, "opens"),
     ContactState.SLIP: (BLUE, "slides"),
-    ContactState.CRUSHES: (FORCE, "crushes"),
 }
 QUIET = ContactState.STICK, AT_REST
 #: What ties do, and how their lines are drawn.
@@ -445,10 +445,11 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     wide = max(2.6 * fine, 1.4)
     entries: list[Any] = []
     for state, (colour, label) in MARKS.items():
-        chosen = lines.state == state
-        if not np.any(chosen):
+        crushes = state == ContactState.CRUSHES
+        chosen = lines.crushes if crushes else np.flatnonzero(lines.state == state)
+        if not len(chosen):
             continue
-        width = thin if state in QUIET else wide
+        width = thin if state in QUIET else 2.5 * wide if crushes else wide
         ends = lines.ends[chosen] + lines.motion[chosen]
         add_lines(axes, ends, colors=colour, linewidths=width)
         entries.append((label, axes.plot([], [], color=colour, lw=width)[0]))

@@ -33,11 +33,13 @@ from fenics_contact.output.thrust import Resultants, face_resultants
 from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import (
     CRUSHES,
+    LIVE,
     NOTHING,
     BlockView,
     Bodies,
     Contacts,
     ContactState,
+    Pushes,
 )
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import JointValues, falling_blocks, tie_arrays
@@ -112,6 +114,7 @@ class Lines(NamedTuple):
         state: A `ContactState`, or `AT_REST`, shape (lines,).
         group: Of the law, as an index into `groups`; below 0 on the ground; none: not known.
         groups: Names.
+        crushes: Numbers of lines at their compressive strength.
     """
 
     ends: Array
@@ -119,6 +122,7 @@ class Lines(NamedTuple):
     state: Indices
     group: Indices = NONE
     groups: tuple[str, ...] = ()
+    crushes: Indices = NONE
 
 
 class Held(NamedTuple):
@@ -252,14 +256,19 @@ def planar(blocks: BlockView, known: bool, **more: Any) -> View:
     ends = _lifted(at.ends)
     sides = [blocks.displacements(ends, side[:, None].repeat(2, axis=1)) for side in at.pairs.T]
     motion = 0.5 * np.sum(sides, axis=0)
-    push = Arrows(blocks.push[:1, ::2], np.diff(blocks.push[:, ::2], axis=0), np.array([True]))
+    forces, body = (_flat(blocks.loads.get(name)) for name in LIVE)
     given: dict[str, Any] = {
         "motion": blocks.displacement[corners, ::2],
         "materials": bodies.group_names,
         "material": bodies.group,
-        "lines": Lines(at.ends, motion[..., ::2], blocks.contacts.state),
+        "lines": Lines(
+            at.ends,
+            motion[..., ::2],
+            blocks.contacts.state,
+            crushes=np.flatnonzero(at.crushes),
+        ),
         "hinges": np.empty((0, 2, 2)),
-        "live": Loads(NOWHERE, NOWHERE, push) if blocks.push.any() else NO_LOAD,
+        "live": Loads(NOWHERE, forces, body),
         "marked": np.array(blocks.marked, dtype=np.int64) if blocks.marked else None,
     }
     return View(
@@ -278,6 +287,14 @@ def planar(blocks: BlockView, known: bool, **more: Any) -> View:
         },
         **(given | more),
     )
+
+
+def _flat(pushes: Pushes | None) -> Arrows:
+    """Arrows in the plane, none for nothing."""
+    if pushes is None:
+        return NOWHERE
+    _, place, force = pushes
+    return Arrows(place[:, ::2], force[:, ::2], np.ones(len(place), dtype=bool))
 
 
 def view_of(

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from fenics_contact.geometry.mesh import Array, Flags, Indices
 AMPLITUDE = 0.08
 #: Contacts that open or slide by up to this part of the largest displacement are closed.
 AS_ONE = 0.01
-#: Length of the live load's arrow, over the structure's size.
-PUSH = 0.16
+#: Length of the longest arrow of a load, over the structure's size: of the live one, of others.
+PUSH, REST = 0.16, 0.09
 #: Contacts crush from this part of what they carry at most.
 CRUSHES = 0.99
 #: Of the largest friction bound: contacts with less carry nothing, and use nothing.
 NOTHING = 1e-6
+#: What the live load is in pictures.
+LIVE = "live load", "body force"
 
 
 class ContactState(IntEnum):
@@ -212,6 +214,20 @@ class Contacts:
         return np.append(blocks, False)[self.pairs].sum(axis=1)
 
 
+class Pushes(NamedTuple):
+    """Forces at places of blocks; that of a body force, by its resultant, is on no block.
+
+    Attributes:
+        block: Number of the block, -1 for none, shape (forces,).
+        place: m, shape (forces, 3).
+        force: N, shape (forces, 3).
+    """
+
+    block: Indices
+    place: Array
+    force: Array
+
+
 @dataclass(frozen=True, eq=False)
 class BlockView:
     """A structure and its collapse in one direction of the live load.
@@ -231,6 +247,8 @@ class BlockView:
         way: After the peak: displacements, m, what is carried, and true poses of all blocks, their
             shifts, m, and vectors of their rotations, shape (blocks, 6); empty if it is not known.
         way_unit: Behind what is carried.
+        loads: What pushes blocks, by what it is: "live load", "body force" of it, "thrust",
+            "floors", "dead load".
         stresses: Largest "pressure" and "tension" of blocks, MPa, shape (blocks,), if known.
     """
 
@@ -247,6 +265,7 @@ class BlockView:
     suffix: str = ""
     way: Sequence[tuple[float, float, Array]] = ()
     way_unit: str = ""
+    loads: Mapping[str, Pushes] = field(default_factory=dict)
     stresses: Mapping[str, Array] = field(default_factory=dict)
 
     def scaled(self) -> Self:
@@ -296,17 +315,19 @@ class BlockView:
         size = self.bodies.largest(np.linalg.norm(self.displacement, axis=1))
         return np.asarray(size / (size.max() or 1.0))
 
-    @cached_property
-    def push(self) -> Array:
-        """Ends of an arrow for the resultant of the live load, m, shape (2, 3)."""
-        force = self.live[:, :3]
-        size = np.linalg.norm(force, axis=1)
-        total = force.sum(axis=0)
-        resultant = np.linalg.norm(total)
-        if not resultant > 1e-6 * size.sum():
-            return np.zeros((2, 3))
-        arrow = PUSH * self.size * total / resultant
-        return np.asarray(size @ self.bodies.centroid / size.sum() + np.outer([0.0, 1.0], arrow))
+    @property
+    def arrows(self) -> dict[str, Array]:
+        """Tails and tips of the loads' arrows, displaced, m, shape (forces, 2, 3) each.
+
+        Tips are where forces act; the arrow of a body force begins at its centre.
+        """
+        ends = {}
+        for name, (block, place, force) in self.loads.items():
+            length = (PUSH if name in LIVE else REST) * self.size
+            reach = length * force / np.linalg.norm(force, axis=1).max()
+            tip = place + self.displacements(place, block) + (block < 0)[:, None] * reach
+            ends[name] = np.stack([tip - reach, tip], axis=1)
+        return ends
 
     @cached_property
     def contacts(self) -> ContactValues:
@@ -323,7 +344,7 @@ class ContactValues:
         utilisation: Shear over what friction and cohesion allow, 0 ... 1; a twist counts, too.
         opening: Largest one of a point, m.
         slip: Likewise.
-        state: A `ContactState`.
+        state: A `ContactState`; that of what opens or slides, too, where it crushes.
     """
 
     def __init__(self, view: BlockView) -> None:
@@ -342,9 +363,9 @@ class ContactValues:
         self.slip = at.extreme(np.linalg.norm(slip, axis=1), np.maximum)
         least = AS_ONE * float(np.linalg.norm(view.displacement, axis=1).max()) or np.inf
         does = {
-            ContactState.CRUSHES: at.crushes,
             ContactState.OPEN: at.extreme(opening, np.minimum) > least,
             ContactState.ROCKS: self.opening > least,
             ContactState.SLIP: self.slip > least,
+            ContactState.CRUSHES: at.crushes,
         }
         self.state: Indices = np.select(list(does.values()), list(does), ContactState.STICK)

@@ -103,6 +103,7 @@ def mechanism_record(view: BlockView) -> dict[str, Any]:
     """
     states = view.contacts.state
     count = {does: int(np.sum(states == kind)) for kind, does in STATES.items()}
+    count["crushes"] = int(view.touching.crushes.sum())  # those that open or slide, too
     parts = moving_parts(view)
     bodies = view.bodies
     speed = view.share

@@ -1,7 +1,7 @@
 """The collapse in three views: from the front, from the side, and from above a corner.
 
 A wall has one, in which its motion is seen. From the front and the side, what is far behind other
-blocks is pale and has no marks: cracks of the back would be taken for those of the front.
+blocks is left out: through openings it would be taken for a part of the front.
 
 Blocks are drawn from the farthest to the nearest. Of two convex bodies one lies beyond a plane of
 a side of the other; which side of this plane the eye is on tells their order.
@@ -10,7 +10,7 @@ a side of the other; which side of this plane the eye is on tells their order.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,8 +21,11 @@ from fenics_contact.output.figures import Figure, draw_figures, figures_of, pict
 from fenics_contact.output.folder import drawing, going_on
 from fenics_contact.output.plotting import (
     BLACK,
+    DEAD,
     DPI,
+    FORCE,
     GREEN,
+    HELD,
     MARKS,
     QUIET,
     TIES,
@@ -31,7 +34,7 @@ from fenics_contact.output.plotting import (
     shades,
 )
 from fenics_contact.output.view import planar
-from fenics_contact.results.block_view import BlockView, ContactState
+from fenics_contact.results.block_view import LIVE, BlockView, ContactState
 from fenics_contact.results.values import TieState
 from fenics_contact.scene.scene import ALL, OutputOptions
 from fenics_contact.spatial.result import SpatialLimit
@@ -58,12 +61,19 @@ ON_SIDE = 1e-4
 EDGEWISE = 1e-6
 #: Free around the structure, over its size.
 MARGIN = 0.06
-#: Width and height of one of three views, and of a single one, inches.
-LARGEST, SINGLE = 4.6, 7.5
+#: Width and height of all views together, inches.
+PAGE = 8.0, 4.6
 #: A wall is thinner than this part of its other sides; it moves by less than this part across.
 THIN, IN_PLANE = 0.35, 0.05
-#: White in the colours of what is far: by more than this part of the structure's size.
-PALE, NEAR = 0.55, 0.3
+#: What begins behind this part of a structure's depth is far.
+FAR = 0.4
+#: Colours of loads, and what they are called.
+LOADS = {
+    "floors": (DEAD, "floors"),
+    "dead load": (DEAD, "dead load"),
+    "thrust": (HELD, "thrust of floors"),
+    **dict.fromkeys(LIVE, (BLACK, "live load")),
+}
 #: Cosine between a side and the line of sight from which it has marks.
 MARKED = 0.05
 
@@ -103,21 +113,32 @@ def save_view(view: BlockView, paths: Sequence[Path | BinaryIO]) -> None:
     from matplotlib.lines import Line2D
 
     turns = {name: axes_to(eye) for name, eye in _eyes(view).items()}
-    windows = [np.ptp(_window(view, turn), axis=0) for turn in turns.values()]
-    widths, heights = np.transpose(windows)
-    scale = (LARGEST if len(turns) > 1 else SINGLE) / max(widths.max(), heights.max())
-    shape = scale * widths.sum() + 0.6, scale * heights.max() + 1.3
-    figure = Figure(figsize=shape, dpi=DPI, layout="constrained")
-    panels = figure.subplots(1, len(turns), width_ratios=widths, squeeze=False)[0]
-    for axes, (title, turn) in zip(panels, turns.items(), strict=True):
-        draw_view(axes, view, turn)
-        axes.set_title(title, fontsize=9)
-    state = view.contacts.state
-    told = [mark for kind, mark in MARKS.items() if np.any(state == kind) and kind not in QUIET]
+    sizes = {name: np.ptp(_window(view, turn), axis=0) for name, turn in turns.items()}
+    names = list(turns)
+    choices = [[names], [names[:2], names[2:]]][: len(names)]
+    scale, rows = max(((PAGE / _extent(sizes, rows)).min(), rows) for rows in choices)
+    shape = scale * _extent(sizes, rows) + [0.3, 1.1]
+    figure = Figure(figsize=shape.tolist(), dpi=DPI, layout="constrained")
+    high = [_extent(sizes, [row])[1] for row in rows]
+    ratios = {"width_ratios": [sizes[name][0] for name in rows[0]], "height_ratios": [*high, 0.01]}
+    places = [row * (len(rows[0]) // len(row)) for row in [*rows, ["legend"]]]
+    panels = figure.subplot_mosaic(places, gridspec_kw=ratios)
+    for name, turn in turns.items():
+        draw_view(panels[name], view, turn)
+        panels[name].set_title(name, fontsize=9)
+    panels["legend"].set_axis_off()
+    does = {*view.contacts.state, *[ContactState.CRUSHES] * bool(view.touching.crushes.any())}
+    told = [mark for kind, mark in MARKS.items() if kind in does.difference(QUIET)]
     told += [(GREEN, TIES[state][0]) for state in sorted(set(_tie_states(view)), reverse=True)]
-    told += [(BLACK, "live load")] * bool(view.push.any())
-    legend(panels[-1], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
+    told += dict.fromkeys(LOADS[name] for name in view.loads)
+    legend(panels["legend"], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
     save_figure(figure, view.whole_title, paths)
+
+
+def _extent(sizes: Mapping[str, Array], rows: Sequence[list[str]]) -> Array:
+    """Width and height of views in rows, m."""
+    wide = max(sum(sizes[name][0] for name in row) for row in rows)
+    return np.array([wide, sum(max(sizes[name][1] for name in row) for row in rows)])
 
 
 def _eyes(view: BlockView) -> dict[str, tuple[float, float, float]]:
@@ -141,10 +162,11 @@ def axes_to(eye: Sequence[float]) -> Array:
 
 
 def _window(view: BlockView, turn: Array) -> Array:
-    """What a picture has room for: ties, blocks that move, at rest and displaced; shape (2, 2)."""
+    """What there is room for: loads, ties, blocks that move, at rest and displaced; (2, 2)."""
     moves = ~view.bodies.fixed[view.bodies.block]
     rest = view.bodies.corner[moves]
     seen = [rest, rest + view.displacement[moves], *view.moved_ties]
+    seen += [ends.reshape(-1, 3) for ends in view.arrows.values()]
     places = np.vstack(seen) @ turn[:2].T
     margin = MARGIN * view.size
     return np.array([places.min(axis=0) - margin, places.max(axis=0) + margin])
@@ -161,20 +183,19 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     colours = shades(bodies.group, view.share, bodies.fixed, view.marked)
     lit = light[:, None] * colours[bodies.side_block]
     far = _far(view, turn)
-    lit += PALE * far[bodies.side_piece, None] * (1.0 - lit)
     marks = _marks(view, turn)
     thin = 0.5 if len(view.motion) < 200 else 0.3
     hides = _hidden(view, place, turn)
     depth = np.add.reduceat(place[:, 2], bodies.first) / bodies.counts
     fixed = bodies.fixed[bodies.of_piece]
     veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: its edges alone are drawn
-    drawn: list[tuple[Array, Any, Any, float]] = []  # polygons, colours of faces, of edges, widths
+    drawn: list[tuple[Any, ...]] = []  # polygons, colours of faces, of edges, widths
     for piece in drawing_order(hides, depth):
-        for side in np.flatnonzero((bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE)):
+        seen = (bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE) & ~far[piece]
+        for side in np.flatnonzero(seen):
             face = "none" if veils[piece] else tuple(lit[side])
             drawn.append((place[bodies.sides[side], :2], face, "0.25", thin))
-            if not far[piece]:
-                drawn += [(line, "none", colour, 1.6) for line, colour in marks[side]]
+            drawn += [(line, "none", *style) for line, *style in marks[side]]
     polygons, faces, edges, widths = zip(*drawn, strict=True)
     style = {"facecolors": faces, "edgecolors": edges, "linewidths": widths}
     axes.add_collection(PolyCollection(polygons, joinstyle="round", **style))
@@ -183,25 +204,36 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     for ends, state in zip(view.moved_ties, _tie_states(view), strict=True):
         style = {"color": GREEN, "marker": "s", "ms": 3.0} | TIES[state][1]
         axes.plot(*(ends @ turn[:2].T).T, **style)
-    start, end = view.push @ turn[:2].T
-    if np.linalg.norm(end - start) > 0.2 * np.linalg.norm(view.push[1] - view.push[0]):
-        axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "lw": 2.0, "color": BLACK})
+    far_blocks = np.append(bodies.of_piece[far], -2)
+    for name, ends in view.arrows.items():
+        tail, tip = ends[~np.isin(view.loads[name].block, far_blocks)].swapaxes(0, 1) @ turn[:2].T
+        style = {"color": LOADS[name][0], "width": 0.022 if name in LIVE else 0.011}
+        style |= {"angles": "xy", "scale": 1.0, "scale_units": "xy", "units": "inches", "zorder": 5}
+        axes.quiver(*tail.T, *(tip - tail).T, **style)
     axes.set_aspect("equal", anchor="S")
     axes.set_axis_off()
 
 
 def _far(view: BlockView, turn: Array) -> Flags:
-    """Which pieces are far behind others, from the front or the side, shape (pieces,)."""
+    """Which pieces are far, and inside the outline of the others, from the front or the side.
+
+    Of shape (pieces,).
+    """
+    from scipy.spatial import ConvexHull
+
     bodies = view.bodies
     place = bodies.corner @ turn.T
     low = np.minimum.reduceat(place, bodies.first)
     high = np.maximum.reduceat(place, bodies.first)
     moves = ~bodies.fixed[bodies.of_piece]
-    near = moves & (high[:, 2] > high[moves, 2].max() - NEAR * view.size)
-    middle = 0.5 * (low + high)
-    behind = (middle > low[near].min(axis=0)) & (middle < high[near].max(axis=0))
-    frontal = np.abs(turn[2]).max() > 1.0 - EDGEWISE
-    return np.asarray(frontal & moves & ~near & behind[:, :2].all(axis=1))
+    back, front = low[moves, 2].min(), high[moves, 2].max()
+    far = moves & (high[:, 2] < front - FAR * (front - back))
+    if np.abs(turn[2]).max() < 1.0 - EDGEWISE or not far.any():
+        return np.zeros_like(far)
+    near = (moves & ~far)[np.repeat(np.arange(len(far)), bodies.counts)]
+    outline = ConvexHull(place[near, :2]).equations
+    beyond = (place[:, :2] @ outline[:, :2].T + outline[:, 2]).max(axis=1)
+    return np.asarray(far & (np.maximum.reduceat(beyond, bodies.first) < TOUCH * view.size))
 
 
 def _tie_states(view: BlockView) -> list[int]:
@@ -271,19 +303,25 @@ def _in_circles(hides: Flags) -> Flags:
     return np.asarray(~np.isin(circle, before[behind != before]))
 
 
-def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
-    """Edges of contacts on the sides that are seen, displaced, with their colours, by side.
+def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str, float]]]:
+    """Edges of contacts on the sides that are seen, displaced, with colours and widths, by side.
 
-    Those of contacts that slide are where the block is that moves more: one line, not two.
+    Those of contacts that slide are where the block is that moves more: one line, not two. What
+    crushes is wide, below what else it does.
     """
     bodies = view.bodies
     seen = bodies.normal @ turn[2] > MARKED
-    marks: dict[int, list[tuple[Array, str]]] = defaultdict(list)
+    marks: dict[int, list[tuple[Array, str, float]]] = defaultdict(list)
     at = view.touching
     states = view.contacts.state.tolist()
-    for pair, corners, state in zip(at.pairs.tolist(), at.corners, states, strict=True):
+    for pair, corners, state, crushes in zip(
+        at.pairs.tolist(), at.corners, states, at.crushes, strict=True
+    ):
         moves = max(pair, key=lambda block: view.share[block])
-        for block in pair if state not in QUIET else ():
+        styles = [(MARKS[state][0], 1.6)] * (state not in QUIET)
+        if crushes and state != ContactState.CRUSHES:
+            styles.insert(0, (FORCE, 4.5))
+        for block in pair if styles else ():
             at_block = moves if state == ContactState.SLIP else block
             flat = (corners + view.displacements(corners, at_block)) @ turn[:2].T
             for side in np.flatnonzero(seen & (bodies.side_block == block)):
@@ -291,5 +329,5 @@ def _marks(view: BlockView, turn: Array) -> dict[int, list[tuple[Array, str]]]:
                 on = np.abs(away) < ON_SIDE * view.size
                 for edge in np.flatnonzero(on & np.roll(on, -1)):
                     line = flat[[edge, (edge + 1) % len(flat)]]
-                    marks[side].append((line, MARKS[state][0]))
+                    marks[side] += [(line, *style) for style in styles]
     return marks

@@ -9,7 +9,14 @@ import numpy as np
 from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.files import LONGEST_TITLE, title_of
-from fenics_contact.results.block_view import CRUSHES, NOTHING, BlockView, Bodies, Contacts
+from fenics_contact.results.block_view import (
+    CRUSHES,
+    NOTHING,
+    BlockView,
+    Bodies,
+    Contacts,
+    Pushes,
+)
 from fenics_contact.results.result import Collapse
 from fenics_contact.spatial.result import SpatialLimit, ties_of
 from fenics_contact.spatial.structure import Structure
@@ -29,8 +36,36 @@ def view_of(structure: Structure, collapse: Collapse) -> BlockView:
         ties=ties_of(structure, collapse),
         marked=collapse.falling * (collapse.mode is None),  # a collapse shows what moves
         caption=title_of(collapse),
+        loads=_pushes(structure, collapse.sign),
     )
     return view.scaled()
+
+
+def _pushes(structure: Structure, sign: float) -> dict[str, Pushes]:
+    """Where its loads push, by what they are, and the resultant of the live body force."""
+    parts: dict[str, list[Pushes]] = {}
+    force = sign * structure.live[:, :3]
+    least = 1e-6 * np.linalg.norm(force, axis=1).sum()
+    for key, one in structure.acting.items():
+        start, _, end = key.partition(".")
+        if end in ("dead.body", "live.body"):
+            continue
+        pushes = Pushes(one.block, one.place, one.force)
+        name = f"{end[:4]} load" if start == "loads" else start
+        if name == "live load":
+            pushes = pushes._replace(force=sign * one.force)
+            np.subtract.at(force, one.block, pushes.force)
+        level = start == "floors" and np.any(one.force[:, :2])
+        parts.setdefault("thrust" if level else name, []).append(pushes)
+    size, total = np.linalg.norm(force, axis=1), force.sum(axis=0)
+    if np.linalg.norm(total) > least:
+        centroid = np.array([block.centroid for block in structure.blocks])
+        centre = size @ centroid / size.sum()
+        parts["body force"] = [Pushes(np.array([-1]), centre[None], total[None])]
+    return {
+        name: Pushes(*(np.concatenate(columns) for columns in zip(*those, strict=True)))
+        for name, those in parts.items()
+    }
 
 
 def _bodies(structure: Structure) -> Bodies:

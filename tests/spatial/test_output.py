@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from fenics_contact.output.plotting import BLUE
+from fenics_contact.output.plotting import BLUE, FORCE, ORANGE
 from fenics_contact.output.report.viewer import viewer_page, write_viewer
 from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.result import Collapse
@@ -92,7 +92,7 @@ def test_what_slides_has_one_line(sliding):
         turn = axes_to(eye)
         axes = Figure().subplots()
         draw_view(axes, view, turn)
-        (drawn,) = axes.collections
+        drawn = axes.collections[0]
         lines = [
             path.vertices[:2]
             for path, colour in zip(drawn.get_paths(), drawn.get_edgecolors(), strict=True)
@@ -282,7 +282,7 @@ def blue_pixels(blocks, slides):
     figure = Figure(figsize=(4, 4), dpi=150)
     axes = figure.add_axes([0, 0, 1, 1])
     view = view_of(structure, Collapse("limit", 1.0, mode=mode))
-    draw_view(axes, replace(view, live=0.0 * view.live), FRONT)
+    draw_view(axes, view, FRONT)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     red, _, blue = np.moveaxis(np.asarray(canvas.buffer_rgba())[..., :3].astype(int), -1, 0)
@@ -297,6 +297,66 @@ def test_marks_of_the_back_are_not_among_those_of_the_front():
     assert blue_pixels((*posts, back), 3) == 0
     assert blue_pixels((back,), 1) > 10
     assert blue_pixels((*posts, beside), 3) > 10, "no block is before it"
+
+
+def test_what_is_behind_an_opening_is_not_seen():
+    """From the front; a gable of the back above the front wall is."""
+    left, right = box([-2, -2, 0], [-0.5, -1.5, 2]), box([0.5, -2, 0], [2, -1.5, 2])
+    lintel = box([-2, -2, 2], [2, -1.5, 2.4])
+    back, gable = box([-2, 1.5, 0], [2, 2, 2.4]), box([-2, 1.5, 2.4], [2, 2, 3])
+    blocks = (left, right, lintel, back, gable)
+    assert colour_at(blocks, FRONT, (0.0, 1.0), 4).min() == 255
+    assert colour_at(blocks, FRONT, (0.0, 2.7), 4).min() < 250
+    aside = axes_to(VIEWS[3]["oblique"])
+    assert colour_at(blocks, aside, (aside[:2] @ [0.0, 1.5, 1.0]), 4).min() < 250
+
+
+def test_arrows_end_where_loads_act(tmp_path):
+    """A force has its head on top of the block, with it when that is displaced; so have floors."""
+    tables = {
+        "dimension": 3,
+        "title": "Post",
+        "blocks": {"a": {"box": [[0, 0, 0], [1, 1, 2]]}},
+        "materials": {"default": {"density": 1000.0}},
+        "joints": {"default": {"friction": 0.8}},
+        "floors": {"roof": {"z": 2.0, "force": 500.0, "thrust": [0.0, -50.0]}},
+        "loads": {
+            "dead": {"body": [0.0, 0.0, -10.0]},
+            "live": {"force": {"hit": {"force": [1e3, 0.0, 0.0], "at": [0.0, 0.5, 2.0]}}},
+        },
+        "solve": {"direction": "both"},
+    }
+    result = limit_load(Scene.from_tables(tables, Path()))
+    for name, view in views_of(result).items():
+        sign = result.ends[name].sign
+        tops = np.array([[0.0, 0.5, 2.0], [0.5, 0.5, 2.0]])
+        hit, middle = tops + view.displacements(tops, view.bodies.names.index("a"))
+        way = {"live load": (hit, [sign, 0, 0]), "floors": (middle, [0, 0, -1])}
+        way["thrust"] = (middle, [0, -1, 0])
+        assert set(view.arrows) == set(way)
+        for kind, (place, along) in way.items():
+            ((tail, tip),) = view.arrows[kind]
+            assert tip == pytest.approx(place)
+            assert (tip - tail) / np.linalg.norm(tip - tail) == pytest.approx(along)
+    draw_collapse(result, tmp_path, OutputOptions(formats=("svg",)))
+    words = (tmp_path / "collapse.svg").read_text()
+    assert all(f"<!-- {one} -->" in words for one in ("floors", "thrust of floors", "live load"))
+
+
+def test_hinges_that_crush_show_both(tipping):
+    """Orange on violet at the foot; the state of the contact is what it does."""
+    view = view_of(tipping.structure, tipping.collapse)
+    foot = view.contacts.state == ContactState.ROCKS
+    touching = replace(view.touching, crushes=np.ones(len(foot), dtype=bool))
+    view = replace(view, touching=touching)
+    assert list(view.contacts.state[foot]) == [ContactState.ROCKS]
+    assert list(view.contacts.state[~foot]) == [ContactState.CRUSHES]
+    axes = Figure().subplots()
+    draw_view(axes, view, FRONT)
+    drawn = [to_hex(colour) for colour in axes.collections[0].get_edgecolors()]
+    violet, orange = (np.flatnonzero(np.array(drawn) == one.lower()) for one in (FORCE, ORANGE))
+    assert len(violet) > len(orange) > 0
+    assert violet.min() < orange.min()
 
 
 def test_a_wall_has_one_view(tmp_path):
