@@ -117,7 +117,7 @@ def save_view(view: BlockView, paths: Sequence[Path | BinaryIO]) -> None:
     names = list(turns)
     choices = [[names], [names[:2], names[2:]]][: len(names)]
     scale, rows = max(((PAGE / _extent(sizes, rows)).min(), rows) for rows in choices)
-    shape = scale * _extent(sizes, rows) + [0.3, 1.1]
+    shape = scale * _extent(sizes, rows) + [0.3, 1.5]
     figure = Figure(figsize=shape.tolist(), dpi=DPI, layout="constrained")
     high = [_extent(sizes, [row])[1] for row in rows]
     ratios = {"width_ratios": [sizes[name][0] for name in rows[0]], "height_ratios": [*high, 0.01]}

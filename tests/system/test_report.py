@@ -384,17 +384,17 @@ def test_directions_that_end_differently_have_a_verdict_each(folder, capsys):
     assert page.row("interior point") == ["residual 1", "36"]
 
 
-def test_the_shorter_list_of_blocks_that_move_or_stay(folder, capsys):
+def test_how_many_blocks_move_and_turn(folder, capsys):
     _, record = solved(folder, capsys, {}, "tower")
     moves = record["directions"]["positive"]["mechanism"]
     record["mesh"]["bodies"] = 4
     moves |= {"moving": [0, 1, 3], "turning": [], "parting": 1, "rocking": 0, "sliding": 2}
     text = Page(report_page(Content(record))).text
-    assert "3 of 4 blocks move. None of these turns. The blocks that stay are: 2." in text
+    assert "3 of 4 blocks move. None of these turns. Of" in text
     assert "joints 1 open over their whole length and 2 slide while closed." in text
     moves |= {"moving": [1], "turning": [1], "parting": 0, "sliding": 0}
     text = Page(report_page(Content(record))).text
-    assert "1 of 4 blocks move. All of these turn. The moving blocks are: 1." in text
+    assert "1 of 4 blocks move. All of these turn. Of" in text
     assert "joints none opens or slides." in text
 
 

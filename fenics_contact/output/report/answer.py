@@ -50,9 +50,9 @@ class PrintedPicture:
     """
 
     beside: float = 17.0
-    most: float = 12.5
+    most: float = 13.5
     least: float = 6.0
-    page: float = 17.0
+    page: float = 18.6
     line: float = 0.54
     letters: int = 75
     more: int = 10
@@ -264,7 +264,6 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     """Sentences on a collapse mode."""
     moving = moves["moving"]
     turning = moves["turning"]
-    way = ", ".join(f"{round(part, 2) + 0.0:+.2f}" for part in moves["direction"])
     yield f"{len(moving)} of {counted(total, 'block')} move."
     if len(turning) == len(moving):
         yield "All of these turn."
@@ -272,17 +271,6 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
         yield f"{len(turning)} of these turn; the others shift without turning."
     else:
         yield "None of these turns."
-    staying = sorted(set(range(total)) - set(moving))
-    if len(moving) <= len(staying):
-        yield f"The moving blocks are: {numbers(moving)}."
-    elif staying:
-        yield f"The blocks that stay are: {numbers(staying)}."
-    centre = units.place(moves["centre"])
-    yield f"The fastest is block {moves['fastest']} with its centre at {centre}."
-    if any(moves["direction"]):
-        yield f"Its centre moves in the direction ({way})."
-    else:
-        yield "It turns about its centre."
     contacts = moves["contacts"]
     counted_as = {
         "open over their whole length": moves["parting"],

@@ -71,18 +71,6 @@ MEANING: Mapping[str, str] = {
     "factorizations": "factorisations",
 }
 
-PHASES: dict[str, str] = {
-    "read": "reading the scene",
-    "compile": "compiling the forms",
-    "assemble": "assembling",
-    "bonded": "one elastic solve with closed joints",
-    "bounds": "bracket",
-    "solve": "finding the collapse",
-    "capacity": "capacity curve",
-    "write": "writing files",
-    "total": "all, without writing",
-}
-
 _SHOWN = {
     "collapse": "How the blocks move in the collapse",
     "forces": "Joint forces at collapse, each through its centre of pressure",
