@@ -70,6 +70,7 @@ class Part:
         motion: What they do.
         area: Of all of them, m2; in space their volume, m3.
         name: What the blocks are called; empty: the part is told by its place.
+        of: What it is made of, by names: a block's own, or those of groups and walls.
     """
 
     blocks: list[int]
@@ -77,6 +78,7 @@ class Part:
     motion: str
     area: float
     name: str = ""
+    of: str = ""
 
 
 def mechanism_in_words(view: BlockView) -> str:
@@ -145,7 +147,8 @@ def moving_parts(view: BlockView) -> list[Part]:
         place = place_in_words(view.box_of(those), view.box, PLACES[view.bodies.dimension])
         volume = float(view.bodies.volume[those].sum())
         numbers = np.flatnonzero(those).tolist()
-        found.append(Part(numbers, place, motion, volume, _called(view, those, walls)))
+        called = _called(view, those, walls)
+        found.append(Part(numbers, place, motion, volume, called, _made_of(view, numbers, walls)))
     return by_size(found)
 
 
@@ -214,8 +217,9 @@ def walls_of(view: BlockView) -> dict[str, Flags]:
             if mine.sum() > 1 and not _is_most(view, mine, view.bodies.volume > 0.0):
                 group = groups[int(np.argmax(mine))]
                 kind = "part" if group == "default" else group.removesuffix("s")
+                told = group if name == kind else name  # stones of a kind: piers
                 is_wall = name in {*SIDES, "inner"}
-                names[mine] = f"{name} {kind}" if is_wall else name.replace("_", " ")
+                names[mine] = f"{name} {kind}" if is_wall else told.replace("_", " ")
     return {name: names == name for name in dict.fromkeys(names) if name}
 
 
@@ -231,17 +235,26 @@ def _called(view: BlockView, those: Flags, walls: Mapping[str, Flags]) -> str:
     return ""
 
 
+def _made_of(view: BlockView, blocks: Sequence[int], walls: Mapping[str, Flags]) -> str:
+    """Name of a block, or those of groups and walls that have a good part of some blocks."""
+    if len(blocks) == 1 or not any(view.bodies.names):
+        return view.bodies.names[blocks[0]]
+    volume = view.bodies.volume[blocks]
+    large = [name for name, wall in walls.items() if volume @ wall[blocks] > BOTH * volume.sum()]
+    return f" of the {' and the '.join(large)}" * bool(large)
+
+
 def _motion(view: BlockView, those: Flags, slides: bool) -> str:
     """What a part does, from the rigid motion that fits best."""
     centre, velocity, turn = _rigid(view, those)
     box = view.box_of(those)
     size = float(np.linalg.norm(box[1] - box[0]))
     spin = float(np.linalg.norm(turn))
-    if 0.5 * size * spin < SHIFTS * np.linalg.norm(velocity):
-        way = _way(view, velocity)
-        return (
-            "falls" if way == "down" and not slides else f"{'slides' if slides else 'moves'} {way}"
-        )
+    way = _way(view, velocity)
+    shifts = "falls" if way == "down" and not slides else f"{'slides' if slides else 'moves'} {way}"
+    turns = 0.5 * size * spin / (np.linalg.norm(velocity) or 1e-300)
+    if turns < SHIFTS:
+        return shifts
     over = np.array([turn[1], -turn[0], 0.0])  # where the upper end goes
     pole = centre + np.cross(turn, velocity) / spin**2
     if view.bodies.dimension == 2:
@@ -252,7 +265,7 @@ def _motion(view: BlockView, those: Flags, slides: bool) -> str:
             else f"turns {_way(view, over)}"
         )
     if abs(turn[2]) > UPRIGHT * spin:
-        return "twists about an upright axis"
+        return "twists about an upright axis" if turns > 1.0 else f"{shifts}, twisting"
     axis = float(pole[2])
     twists = ", twisting" * bool(abs(turn[2]) > LEVEL * spin)
     (foot, top), (ground, crown) = box[:, 2], view.box[:, 2]
@@ -294,7 +307,7 @@ def _cracks(view: BlockView) -> str:
     told: dict[str, list[str]] = {}
     for name, mine in walls_of(view).items():
         moves = np.average(view.share > AS_ONE, weights=view.bodies.volume * mine)
-        if BOTH < moves < 1.0 - BOTH:
+        if BOTH < moves < 1.0 - BOTH and not name.endswith("s"):  # stones of a kind
             way = _crack(places[parted & (view.touching.any_of(mine) == 2)])
             told.setdefault(way, []).append(f"the {name}")
     return ", ".join(
@@ -360,9 +373,10 @@ def parts_in_words(
         elif called and len(those) == 1:
             name = f"{called} ({counted(len(blocks), 'block')})"
         elif len(blocks) == 1:
-            name = f"the {place} block ({blocks[0]})" if place else f"block {blocks[0]}"
+            label = those[0].of or blocks[0]
+            name = f"the {place} block ({label})" if place else f"block {label}"
         elif len(those) == 1:
-            name = f"the {place or 'main'} part ({len(blocks)} blocks)"
+            name = f"the {place or 'main'} part ({len(blocks)} blocks{those[0].of})"
         else:
             name = f"{len(those)} {f'{place} ' * bool(place)}parts"
             verb, _, way = motion.partition(" ")

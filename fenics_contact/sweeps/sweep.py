@@ -464,7 +464,8 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         axes.plot(x, factor, "o", label=text, **ring)
     axes.set(xlabel=plain(label), ylabel="" if polar else "load factor")
     if polar:
-        axes.set_rmin(0.0)
+        axes.set(rmin=0.0, rlabel_position=67.5)  # one label above the other
+        axes.tick_params(axis="y", labelsize=8)
     if names:
         axes.set_xticks(at, list(map(plain, names)))
     axes.grid(alpha=0.3)

@@ -248,7 +248,7 @@ def test_pictures_that_cannot_be_drawn_any_more_are_named(kept, folder, capsys):
         figures.write_bytes(kept)
     found = run_here(["report", "scene"], capsys)
     reason = "is not there" if kept is None else "is damaged"
-    line = f"pictures that are missing: scene, forces, stress: figures.npz {reason}"
+    line = f"pictures that are missing: figures.npz {reason}"
     assert (found.code, found.err) == (0, "")
     assert found.out.splitlines()[0] == f"warning: {line}"
     page = page_of(folder / "scene")
@@ -390,11 +390,11 @@ def test_how_many_blocks_move_and_turn(folder, capsys):
     record["mesh"]["bodies"] = 4
     moves |= {"moving": [0, 1, 3], "turning": [], "parting": 1, "rocking": 0, "sliding": 2}
     text = Page(report_page(Content(record))).text
-    assert "3 of 4 blocks move. None of these turns. Of" in text
+    assert "3 of 4 blocks move, none turn. Of" in text
     assert "joints 1 open over their whole length and 2 slide while closed." in text
     moves |= {"moving": [1], "turning": [1], "parting": 0, "sliding": 0}
     text = Page(report_page(Content(record))).text
-    assert "1 of 4 blocks move. All of these turn. Of" in text
+    assert "1 of 4 blocks move, 1 turn. Of" in text
     assert "joints none opens or slides." in text
 
 

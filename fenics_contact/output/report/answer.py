@@ -70,7 +70,7 @@ SIDES = {"left": "right", "right": "left"}
 #: What is not in the model, where a client asks what decides.
 UNCRACKED = "Blocks do not crack: that is not in the model."
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
-SHOWN = 4
+SHOWN = 8
 #: Lines that say whether a demand is met.
 VERDICTS = "seismic check", "non-linear check"
 #: Values that are not shown where they are not used: these keys with these values.
@@ -262,15 +262,8 @@ def how_it_fails(content: Content) -> Iterator[str]:
 
 def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     """Sentences on a collapse mode."""
-    moving = moves["moving"]
-    turning = moves["turning"]
-    yield f"{len(moving)} of {counted(total, 'block')} move."
-    if len(turning) == len(moving):
-        yield "All of these turn."
-    elif turning:
-        yield f"{len(turning)} of these turn; the others shift without turning."
-    else:
-        yield "None of these turns."
+    moving = len(moves["moving"])
+    yield f"{moving} of {counted(total, 'block')} move, {len(moves['turning']) or 'none'} turn."
     contacts = moves["contacts"]
     counted_as = {
         "open over their whole length": moves["parting"],

@@ -111,9 +111,8 @@ class Content:
     def units(self) -> Units:
         """Units of the report: kN, MPa, and m or mm."""
         scene = self.record["scene"]
-        wished = scene.get("output", {}).get("units", "m")
         thickness = 1.0 if self.record.get("dimension") == 3 else scene.get("thickness")
-        return Units("mm" if wished == "mm" else "m", thickness)
+        return Units(scene.get("output", {}).get("units", "m"), thickness).of_report
 
     @property
     def made(self) -> str:
@@ -189,12 +188,7 @@ def _draw_kept(record: Record, folder: Path, made: Path, there: Collection[str])
         formats = record["scene"]["output"]["formats"]
         lost = "; ".join(draw_figures(figures, made, formats))
     except ValueError as error:
-        ends = list(record["directions"].values())
-        states = [end for end in ends if end["mechanism"]]
-        suffixes = ("", "_negative")[: len(ends)] if states else ()
-        names = ["scene", *(f"{stem}{end}" for end in suffixes for stem in ("forces", "stress"))]
-        names = [name for name in names if name not in there]
-        lost = f"{', '.join(names)}: {error}" if names else ""
+        lost = str(error) * ("scene" not in there)
     with suppress(OSError):  # the folder is read-only: the page has them all the same
         for path in made.iterdir():
             replace_file(folder / path.name, path.read_bytes())

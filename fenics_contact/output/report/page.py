@@ -19,7 +19,6 @@ from fenics_contact.output.report.answer import (
     assumptions,
     first_page,
     given_rows,
-    gravity_of,
     how_it_fails,
     sentence,
     way_of,
@@ -61,7 +60,7 @@ from fenics_contact.output.report.html import (
 )
 from fenics_contact.results.bounds import counted, equal
 from fenics_contact.scene.units import PER_METRE
-from fenics_contact.scene.words import floor_text, law_text, material_text, tie_ends, tie_text
+from fenics_contact.scene.words import law_text, tie_ends, tie_text
 
 _log = logging.getLogger("fenics_contact")
 
@@ -75,8 +74,6 @@ CURVES = {
     "beyond": "After the peak",
     "beyond_negative": "After the peak, live load reversed",
 }
-#: Forces on the joints of more blocks are too small in a picture on a page.
-LEGIBLE = 120
 #: Rows that the report of a result has room for, and that of a sweep.
 ROWS, MOST_ROWS = 30, 1000
 NO_WRITER = (
@@ -201,8 +198,6 @@ def loads_and_groups(content: Content) -> Iterator[str]:
         yield picture(address, PICTURES["scene"])
     loads = {name: scene["loads"][name] for name in ("dead", "live")}
     rows: list[tuple[str, ...]] = [*given_rows(loads, scene["units"], units)]
-    floors = (scene.get("floors") or {}).items()
-    rows += [(f"floor {name}", "force", floor_text(floor, units)) for name, floor in floors]
     soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
     rows += given_rows(soils, scene["units"], units)
     for name, force in scene["resultants"].items():
@@ -215,7 +210,7 @@ def loads_and_groups(content: Content) -> Iterator[str]:
 
 
 def structure(content: Content) -> Iterator[str]:
-    """What was solved: materials, groups, laws of contacts, supports and ties."""
+    """What was solved: groups, laws of contacts, supports and ties."""
     record = content.record
     scene = record["scene"]
     mesh = record["mesh"]
@@ -231,9 +226,6 @@ def structure(content: Content) -> Iterator[str]:
         f"Thickness {units.length(scene['thickness'])}." if scene["thickness"] else "",
         "" if units.thickness else "Forces are per metre of thickness.",
     )
-    stones = scene["materials"].items()
-    rows = [(name, material_text(one, gravity_of(scene), units)) for name, one in stones]
-    yield table(rows, title="Materials")
     groups = [
         (one["group"], one["blocks"], f"{one['volume']:.4g}") for one in scene.get("groups", ())
     ]
@@ -301,22 +293,12 @@ def _load_factor(record: Record, end: Record, rows: Sequence[Sequence[str]]) -> 
 
 def forces(content: Content) -> Iterator[str]:
     """Pictures of forces and stresses that say something, and of what is carried on the way."""
-    many = content.record["mesh"]["bodies"] > LEGIBLE
     first = ("collapse", "collapse_negative", "scene", *CURVES)
-    found = {
-        stem: address
-        for stem, address in content.pictures.items()
-        if stem not in first and not (many and stem.startswith("forces"))
-    }
+    found = {stem: shown for stem, shown in content.pictures.items() if stem not in first}
     if found or content.missing:
         yield heading("Forces and stresses")
     if content.missing:
         yield paragraph(sentence(content.missing))
-    if many and "forces" in content.pictures:
-        yield paragraph(
-            f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"
-            " the picture 'forces' in the folder of the result has them."
-        )
     for stem, address in found.items():
         per_metre = stem.startswith("forces") and not content.units.thickness
         more = " Forces are per metre of thickness." * per_metre
@@ -394,9 +376,11 @@ def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
         over = f"Over its {len(solved)} limit loads the load factor {span}."
         end = "" if least(row) == float(row["load_factor"] or "inf") else "_negative"
         where = at(row) + " with the live load reversed" * bool(end)
-        bracket = " to ".join(short(row, f"{side}{end}") for side in ("lower", "upper"))
-        worst = f"The lowest is {short(row, f'load_factor{end}')} at {where};"
-        worst += f" its bracket is {bracket}."
+        bounds = {"at least": f"lower{end}", "at most": f"upper{end}"}
+        known = {word: short(row, key) for word, key in bounds.items() if row.get(key)}
+        bracket = " to ".join(known.values()) if len(known) != 1 else " ".join(*known.items())
+        worst = f"The lowest is {short(row, f'load_factor{end}')} at {where}"
+        worst += f"; its bracket is {bracket}." if known else "."
         worst += f" It carries {row['load']}." if row.get("load") else ""
         first = min(solved, key=start)
         early = f"The lowest a0* is {start(first):.4g} m/s2 at {at(first)}."
