@@ -453,6 +453,7 @@ def test_words_for_simple_motions(tipping, sliding):
     mode = np.zeros((3, 6))
     for velocity, turn, told in (
         ([0, 0, 0], [0, 0, 1], "twists about an upright axis"),
+        ([-1, 0, 0], [0, 0, 0.5], "moves to -x, twisting"),
         ([0, 0, -1], [0, 0, 0], "slides down"),
         ([-1, 0.9, 0], [0, 0, 0], "moves to -x and +y"),
         ([0, 0.9, 1], [0, 0, 0], "slides up to +y"),
@@ -479,6 +480,29 @@ def test_words_name_walls():
     told = words(scene.structure())
     assert re.match(r"the facade \(\d+ blocks\) turns about its foot to -y", told), told
     assert "the left wall and the right wall crack" in told
+
+
+def test_words_name_what_parts_are_made_of():
+    """Two piers of three stones of which the left one leans; its highest stone alone slides."""
+    stones = [
+        box([x, 0, k], [x + 1, 1, k + 1], f"pier_{x + 3}_{k}", "piers")
+        for x in (-2, 1)
+        for k in range(3)
+    ]
+    tops = [box([x, 0, 3], [x + 1, 1, 4], f"cap_{x + 3}", "caps") for x in (-2, 1)]
+    structure = structure_of((*stones, *tops), 0.5, [1, 0, 0])
+    mode = np.zeros((9, 6))
+    leans = [1, 2, 3, 7]
+    mode[leans, 4] = -0.2
+    mode[leans, 0] = -0.2 * np.array([0.5, 1.5, 2.5, 3.5])
+    mode[leans, 2] = 0.2 * 0.5
+    told = words(structure, Collapse("limit", 1.0, mode=mode.copy()))
+    assert "the left part (4 blocks of the piers and the caps) turns" in told, told
+    assert "crack" not in told
+    mode = np.zeros((9, 6))
+    mode[7, 0] = 1.0
+    told = words(structure, Collapse("limit", 1.0, mode=mode))
+    assert told == "the left part of the caps (1 block) slides to +x", told
 
 
 def test_words_are_few_where_all_goes_to_pieces():

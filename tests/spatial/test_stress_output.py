@@ -13,8 +13,10 @@ import pytest
 
 from fenics_contact.cli import main
 from fenics_contact.console import summary
+from fenics_contact.elastic.files import draw_stresses
 from fenics_contact.errors import InputError
 from fenics_contact.spatial import Scene, limit_load
+from fenics_contact.spatial.view import views_of
 from fenics_contact.workers import Processes
 from tests.vtu import values_of
 
@@ -81,6 +83,15 @@ def test_console_and_report_tell_them(solved):
     page = (folder / "report.html").read_text()
     assert "Stresses under the forces of this state" in page
     assert "cracks" in page
+
+
+def test_the_picture_has_outlines_of_blocks(solved, tmp_path):
+    """Grey lines, as many as sides of triangles along edges of sides that are seen."""
+    _, result, _ = solved
+    (view,) = views_of(result).values()
+    draw_stresses(result.stress, view, tmp_path, ["svg"])
+    drawn = (tmp_path / "stresses.svg").read_text()
+    assert drawn.count("stroke: #595959") >= 2 * 2 * 9  # two pictures of two boxes
 
 
 def test_files_hold_them(solved):

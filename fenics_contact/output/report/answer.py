@@ -70,7 +70,7 @@ SIDES = {"left": "right", "right": "left"}
 #: What is not in the model, where a client asks what decides.
 UNCRACKED = "Blocks do not crack: that is not in the model."
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
-SHOWN = 8
+SHOWN = 4
 #: Lines that say whether a demand is met.
 VERDICTS = "seismic check", "non-linear check"
 #: Values that are not shown where they are not used: these keys with these values.

@@ -19,6 +19,7 @@ from fenics_contact.output.report.answer import (
     assumptions,
     first_page,
     given_rows,
+    gravity_of,
     how_it_fails,
     sentence,
     way_of,
@@ -60,7 +61,7 @@ from fenics_contact.output.report.html import (
 )
 from fenics_contact.results.bounds import counted, equal
 from fenics_contact.scene.units import PER_METRE
-from fenics_contact.scene.words import law_text, tie_ends, tie_text
+from fenics_contact.scene.words import floor_text, law_text, material_text, tie_ends, tie_text
 
 _log = logging.getLogger("fenics_contact")
 
@@ -198,6 +199,8 @@ def loads_and_groups(content: Content) -> Iterator[str]:
         yield picture(address, PICTURES["scene"])
     loads = {name: scene["loads"][name] for name in ("dead", "live")}
     rows: list[tuple[str, ...]] = [*given_rows(loads, scene["units"], units)]
+    floors = (scene.get("floors") or {}).items()
+    rows += [(f"floor {name}", "force", floor_text(floor, units)) for name, floor in floors]
     soils = {f"soil {name}": soil for name, soil in (scene.get("soil") or {}).items()}
     rows += given_rows(soils, scene["units"], units)
     for name, force in scene["resultants"].items():
@@ -210,7 +213,7 @@ def loads_and_groups(content: Content) -> Iterator[str]:
 
 
 def structure(content: Content) -> Iterator[str]:
-    """What was solved: groups, laws of contacts, supports and ties."""
+    """What was solved: materials, groups, laws of contacts, supports and ties."""
     record = content.record
     scene = record["scene"]
     mesh = record["mesh"]
@@ -226,6 +229,9 @@ def structure(content: Content) -> Iterator[str]:
         f"Thickness {units.length(scene['thickness'])}." if scene["thickness"] else "",
         "" if units.thickness else "Forces are per metre of thickness.",
     )
+    stones = scene["materials"].items()
+    rows = [(name, material_text(one, gravity_of(scene), units)) for name, one in stones]
+    yield table(rows, title="Materials")
     groups = [
         (one["group"], one["blocks"], f"{one['volume']:.4g}") for one in scene.get("groups", ())
     ]
