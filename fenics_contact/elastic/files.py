@@ -80,7 +80,6 @@ def draw_stresses(
         sides = flat[facet][[[0, 1], [1, 2], [2, 0]]][bends[facet]]
         drawn += [(facet, flat[facet, :, :2]), *((-1, side[:, :2]) for side in sides)]
     facets, polygons = zip(*drawn, strict=True)
-    edges = np.array(facets) < 0
     wide, high, _ = np.ptp(flat, axis=(0, 1))
     with drawing("stresses"):
         shape = 2.0 * (PANEL * min(wide / high, 2.0) + BAR), PANEL + TITLE
@@ -91,7 +90,7 @@ def draw_stresses(
             most = float(np.percentile(parts, DARKEST)) or 1.0
             scale = ScalarMappable(Normalize(0.0, 1e-6 * most), shade)
             colours = scale.to_rgba(1e-6 * np.append(parts, 0.0)[list(facets)])
-            lines = np.where(edges[:, None], to_rgba("0.35"), colours)
+            lines = np.where(np.less(facets, 0)[:, None], to_rgba("0.35"), colours)
             style = {"facecolors": colours, "edgecolors": lines, "linewidths": 0.4}
             axes.add_collection(PolyCollection(polygons, **style))
             axes.autoscale_view()

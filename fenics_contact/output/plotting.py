@@ -526,8 +526,6 @@ def arrow_ends(view: View, loads: Loads) -> list[Array]:
 def draw_load(axes: Any, view: View, loads: Loads, colour: str, label: str) -> list[Any]:
     """Arrows where a load acts; entry of a legend."""
     from matplotlib import patheffects
-    from matplotlib.path import Path as Outline
-    from matplotlib.textpath import TextPath
 
     ends = arrow_ends(view, loads)
     halo = [patheffects.withStroke(linewidth=4.0, foreground="white")]
@@ -538,13 +536,7 @@ def draw_load(axes: Any, view: View, loads: Loads, colour: str, label: str) -> l
             axes.annotate("", tip, tail, arrowprops=arrow)
     if not sum(map(len, ends)):
         return []
-    # An arrow to the right as a marker; as mathematics it would cost .1 s.
-    text = TextPath((0.0, 0.0), "\N{RIGHTWARDS ARROW}", size=10.0)
-    middle = 0.5 * (text.vertices.min(axis=0) + text.vertices.max(axis=0))
-    marker = Outline(text.vertices - middle, text.codes)
-    entries: list[Any] = axes.plot(
-        [], [], label=label, marker=marker, ms=15, ls="none", color=colour
-    )
+    entries: list[Any] = axes.plot([], [], label=label, marker=">", ms=7, lw=1.6, color=colour)
     return entries
 
 

@@ -256,17 +256,14 @@ def planar(blocks: BlockView, known: bool, **more: Any) -> View:
     ends = _lifted(at.ends)
     sides = [blocks.displacements(ends, side[:, None].repeat(2, axis=1)) for side in at.pairs.T]
     motion = 0.5 * np.sum(sides, axis=0)
-    forces, body = (_flat(blocks.loads.get(name)) for name in LIVE)
+    body, forces = (_flat(blocks.loads.get(name)) for name in LIVE)
+    lines = Lines(at.ends, motion[..., ::2], blocks.contacts.state)
+    lines = lines._replace(crushes=np.flatnonzero(at.crushes))
     given: dict[str, Any] = {
         "motion": blocks.displacement[corners, ::2],
         "materials": bodies.group_names,
         "material": bodies.group,
-        "lines": Lines(
-            at.ends,
-            motion[..., ::2],
-            blocks.contacts.state,
-            crushes=np.flatnonzero(at.crushes),
-        ),
+        "lines": lines,
         "hinges": np.empty((0, 2, 2)),
         "live": Loads(NOWHERE, forces, body),
         "marked": np.array(blocks.marked, dtype=np.int64) if blocks.marked else None,

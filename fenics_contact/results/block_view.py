@@ -28,7 +28,7 @@ CRUSHES = 0.99
 #: Of the largest friction bound: contacts with less carry nothing, and use nothing.
 NOTHING = 1e-6
 #: What the live load is in pictures.
-LIVE = "live load", "body force"
+LIVE = "live load", "live forces"
 
 
 class ContactState(IntEnum):
@@ -247,8 +247,8 @@ class BlockView:
         way: After the peak: displacements, m, what is carried, and true poses of all blocks, their
             shifts, m, and vectors of their rotations, shape (blocks, 6); empty if it is not known.
         way_unit: Behind what is carried.
-        loads: What pushes blocks, by what it is: "live load", "body force" of it, "thrust",
-            "floors", "dead load".
+        loads: What pushes blocks: "live load" (body force), "live forces", "dead forces", "floors",
+            "thrust of floors".
         stresses: Largest "pressure" and "tension" of blocks, MPa, shape (blocks,), if known.
     """
 

@@ -67,13 +67,8 @@ PAGE = 8.0, 4.6
 THIN, IN_PLANE = 0.35, 0.05
 #: What begins behind this part of a structure's depth is far.
 FAR = 0.4
-#: Colours of loads, and what they are called.
-LOADS = {
-    "floors": (DEAD, "floors"),
-    "dead load": (DEAD, "dead load"),
-    "thrust": (HELD, "thrust of floors"),
-    **dict.fromkeys(LIVE, (BLACK, "live load")),
-}
+#: Colours of loads; others are grey.
+LOADS = {"thrust of floors": HELD, **dict.fromkeys(LIVE, BLACK)}
 #: Cosine between a side and the line of sight from which it has marks.
 MARKED = 0.05
 
@@ -130,7 +125,7 @@ def save_view(view: BlockView, paths: Sequence[Path | BinaryIO]) -> None:
     does = {*view.contacts.state, *[ContactState.CRUSHES] * bool(view.touching.crushes.any())}
     told = [mark for kind, mark in MARKS.items() if kind in does.difference(QUIET)]
     told += [(GREEN, TIES[state][0]) for state in sorted(set(_tie_states(view)), reverse=True)]
-    told += dict.fromkeys(LOADS[name] for name in view.loads)
+    told += [(LOADS.get(name, DEAD), name) for name in view.loads]
     legend(panels["legend"], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
     save_figure(figure, view.whole_title, paths)
 
@@ -207,7 +202,7 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     far_blocks = np.append(bodies.of_piece[far], -2)
     for name, ends in view.arrows.items():
         tail, tip = ends[~np.isin(view.loads[name].block, far_blocks)].swapaxes(0, 1) @ turn[:2].T
-        style = {"color": LOADS[name][0], "width": 0.022 if name in LIVE else 0.011}
+        style = {"color": LOADS.get(name, DEAD), "width": 0.022 if name in LIVE else 0.011}
         style |= {"angles": "xy", "scale": 1.0, "scale_units": "xy", "units": "inches", "zorder": 5}
         axes.quiver(*tail.T, *(tip - tail).T, **style)
     axes.set_aspect("equal", anchor="S")

@@ -11,6 +11,7 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.files import LONGEST_TITLE, title_of
 from fenics_contact.results.block_view import (
     CRUSHES,
+    LIVE,
     NOTHING,
     BlockView,
     Bodies,
@@ -51,17 +52,17 @@ def _pushes(structure: Structure, sign: float) -> dict[str, Pushes]:
         if end in ("dead.body", "live.body"):
             continue
         pushes = Pushes(one.block, one.place, one.force)
-        name = f"{end[:4]} load" if start == "loads" else start
-        if name == "live load":
+        name = f"{end[:4]} forces" if start == "loads" else start
+        if name == LIVE[1]:
             pushes = pushes._replace(force=sign * one.force)
             np.subtract.at(force, one.block, pushes.force)
         level = start == "floors" and np.any(one.force[:, :2])
-        parts.setdefault("thrust" if level else name, []).append(pushes)
+        parts.setdefault("thrust of floors" if level else name, []).append(pushes)
     size, total = np.linalg.norm(force, axis=1), force.sum(axis=0)
     if np.linalg.norm(total) > least:
         centroid = np.array([block.centroid for block in structure.blocks])
         centre = size @ centroid / size.sum()
-        parts["body force"] = [Pushes(np.array([-1]), centre[None], total[None])]
+        parts[LIVE[0]] = [Pushes(np.array([-1]), centre[None], total[None])]
     return {
         name: Pushes(*(np.concatenate(columns) for columns in zip(*those, strict=True)))
         for name, those in parts.items()

@@ -331,8 +331,8 @@ def test_arrows_end_where_loads_act(tmp_path):
         sign = result.ends[name].sign
         tops = np.array([[0.0, 0.5, 2.0], [0.5, 0.5, 2.0]])
         hit, middle = tops + view.displacements(tops, view.bodies.names.index("a"))
-        way = {"live load": (hit, [sign, 0, 0]), "floors": (middle, [0, 0, -1])}
-        way["thrust"] = (middle, [0, -1, 0])
+        way = {"live forces": (hit, [sign, 0, 0]), "floors": (middle, [0, 0, -1])}
+        way["thrust of floors"] = (middle, [0, -1, 0])
         assert set(view.arrows) == set(way)
         for kind, (place, along) in way.items():
             ((tail, tip),) = view.arrows[kind]
@@ -340,7 +340,7 @@ def test_arrows_end_where_loads_act(tmp_path):
             assert (tip - tail) / np.linalg.norm(tip - tail) == pytest.approx(along)
     draw_collapse(result, tmp_path, OutputOptions(formats=("svg",)))
     words = (tmp_path / "collapse.svg").read_text()
-    assert all(f"<!-- {one} -->" in words for one in ("floors", "thrust of floors", "live load"))
+    assert all(f"<!-- {one} -->" in words for one in ("floors", "thrust of floors", "live forces"))
 
 
 def test_hinges_that_crush_show_both(tipping):
