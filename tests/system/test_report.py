@@ -12,7 +12,7 @@ import pytest
 
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.meshing import polygons
-from fenics_contact.output.report.answer import PICTURE
+from fenics_contact.output.report.answer import LEAST, MOST, picture_height
 from fenics_contact.output.report.content import Content, Labels
 from fenics_contact.output.report.page import report_page
 from tests.bank import sides
@@ -579,6 +579,6 @@ def test_assumptions_are_beside_the_picture_of_a_tower(stones, place, folder, ca
     page = (folder / "out" / "report.html").read_text()
     Page(page)
     assert f'<div class="{place}" style="--picture: ' in page
-    heights = [PICTURE.above([("joints", "friction " * 12)] * rows) for rows in range(2, 20)]
+    heights = [picture_height([("joints", "friction " * 12)] * rows, []) for rows in range(2, 20)]
     assert heights == sorted(heights, reverse=True)
-    assert (heights[0], heights[-1]) == (PICTURE.most, PICTURE.least)
+    assert (heights[0], heights[-1]) == (MOST, LEAST)

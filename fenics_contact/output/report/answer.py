@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import (
@@ -35,36 +34,11 @@ from fenics_contact.scene.words import floor_text, law_text, material_text, tie_
 TALL = 1.6
 
 
-@dataclass(frozen=True)
-class PrintedPicture:
-    """Height of the picture in print, such that page 1 (A4) has the assumptions too, cm.
-
-    Attributes:
-        beside: With the assumptions beside it.
-        most: Largest above the assumptions.
-        least: Smallest above them: the picture is to be seen.
-        page: What picture and assumptions have together.
-        line: Height of a line of the assumptions; all but the first of a row have a little less.
-        letters: That a line has room for.
-        more: That a line without a name beside it has room for.
-    """
-
-    beside: float = 17.0
-    most: float = 13.5
-    least: float = 6.0
-    page: float = 18.6
-    line: float = 0.54
-    letters: int = 75
-    more: int = 10
-
-    def above(self, rows: Sequence[tuple[str, str]], said: Sequence[str] = ()) -> float:
-        """Height of a picture above the assumptions, with what is said on the page, cm."""
-        texts = [value for _, value in rows] + [line[self.more :] for line in said]
-        lines = sum(math.ceil(len(value) / self.letters) for value in texts)
-        return min(max(self.page - self.line * lines, self.least), self.most)
-
-
-PICTURE = PrintedPicture()
+#: Height of the picture in print, such that page 1 (A4) has the assumptions too, cm: with these
+#: beside it; largest and smallest above them; what both have together, and what a line of them has.
+BESIDE, MOST, LEAST, PAGE, LINE = 17.0, 13.5, 6.0, 18.6, 0.54
+#: Letters that a line of the assumptions has room for, and one without a name beside it, more.
+LETTERS, MORE = 75, 10
 #: Sides in a mirror.
 SIDES = {"left": "right", "right": "left"}
 #: What is not in the model, where a client asks what decides.
@@ -105,7 +79,7 @@ def first_page(content: Content) -> Iterator[str]:
     yield from (paragraph(one) for one in how)
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"] and "depth" not in size  # which has three views
-    height = PICTURE.beside if beside else PICTURE.above(rows, [*how, *decides])
+    height = BESIDE if beside else picture_height(rows, [*how, *decides])
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
@@ -118,6 +92,13 @@ def first_page(content: Content) -> Iterator[str]:
         yield picture(address, caption)
     yield f"<div>{heading('What decides', 2)}{bullets(decides)}"
     yield f"{heading('Assumptions', 2)}{table(rows)}</div></div>"
+
+
+def picture_height(rows: Sequence[tuple[str, str]], said: Sequence[str]) -> float:
+    """Height of a picture above the assumptions, with what is said on the page, cm."""
+    texts = [value for _, value in rows] + [line[MORE:] for line in said]
+    lines = sum(math.ceil(len(value) / LETTERS) for value in texts)
+    return min(max(PAGE - LINE * lines, LEAST), MOST)
 
 
 def _collapses(record: Record) -> Iterator[str]:
