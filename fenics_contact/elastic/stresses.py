@@ -115,26 +115,55 @@ class ForcesOnBlock(NamedTuple):
     moments: Array
 
 
-def forces_on_blocks(structure: Structure, end: Collapse) -> list[ForcesOnBlock]:
-    """What acts on the blocks in a state, in their order."""
-    found = [ForcesOnBlock([], np.zeros((4, 3))) for _ in structure.blocks]
+class Touch(NamedTuple):
+    """Where units act on a block.
+
+    Attributes:
+        where: The surface of a contact; or a place, m, of an edge, a corner or a tie.
+        units: Numbers of the points, or bars after all points.
+        axes: Along which their forces act on the block, shape (3, 3).
+    """
+
+    where: Surface | Array
+    units: Indices
+    axes: Array
+
+
+def touches_of(structure: Structure) -> list[list[Touch]]:
+    """Where units act on the blocks, in their order."""
+    found: list[list[Touch]] = [[] for _ in structure.blocks]
     points = structure.points
     for number, contact in enumerate(structure.contacts):
         mine = np.flatnonzero(points.contact == number)
-        on_second = np.asarray(end.force)[mine] @ contact.axes
         for block, sign in ((contact.first, -1.0), (contact.second, 1.0)):
-            surface = Surface(contact.corners, contact.axes, -sign, points.area[mine])
-            bare = zip(points.position[mine], sign * on_second[:, None], strict=True)
-            is_face = len(contact.corners) > 2
-            found[block].at.extend([(surface, sign * on_second)] if is_face else bare)
-    for bar, tension in zip(structure.bars, np.asarray(end.tension), strict=True):
-        along = bar.ends[1] - bar.ends[0]
-        pull = tension * along[None] / np.linalg.norm(along)
-        for block, place, sign in zip(bar.blocks, bar.ends, (1.0, -1.0), strict=True):
+            axes = sign * contact.axes
+            if len(contact.corners) > 2:
+                surface = Surface(contact.corners, contact.axes, -sign, points.area[mine])
+                found[block].append(Touch(surface, mine, axes))
+                continue
+            found[block].extend(Touch(points.position[k], mine[mine == k], axes) for k in mine)
+    for unit, bar in enumerate(structure.bars, len(points.area)):
+        for block, place, sign in zip(bar.blocks, bar.ends, (-1.0, 1.0), strict=True):
             if block != GROUND:
-                found[block].at.append((place, sign * pull))
+                found[block].append(Touch(place, np.array([unit]), sign * structure.axes[unit]))
+    return found
+
+
+def forces_on_blocks(structure: Structure, end: Collapse) -> list[ForcesOnBlock]:
+    """What acts on the blocks in a state, in their order."""
+    pulled = np.outer(np.asarray(end.tension), [0.0, -1.0, 0.0])
+    forces = np.vstack([np.asarray(end.force), pulled])
+    found = loads_on_blocks(structure, float(end.load_factor))
+    for one, touches in zip(found, touches_of(structure), strict=True):
+        one.at.extend((touch.where, forces[touch.units] @ touch.axes) for touch in touches)
+    return found
+
+
+def loads_on_blocks(structure: Structure, load_factor: float) -> list[ForcesOnBlock]:
+    """The dead load and a multiple of the live load, by blocks."""
+    found = [ForcesOnBlock([], np.zeros((4, 3))) for _ in structure.blocks]
     for key, acting in structure.acting.items():
-        factor = float(end.load_factor) if key.startswith("loads.live") else 1.0
+        factor = load_factor if key.startswith("loads.live") else 1.0
         for k, block in enumerate(acting.block.tolist()):
             force = factor * acting.force[[k]]
             if acting.sides:
@@ -148,12 +177,37 @@ def forces_on_blocks(structure: Structure, end: Collapse) -> list[ForcesOnBlock]
     return found
 
 
+def table_at(
+    body: ElasticBody, placed: Placed, where: Surface | Array, known: dict[bytes, Any]
+) -> Any:
+    """Displacements at the points of a surface, or at a place, from those of nodes: sparse.
+
+    Means over surfaces are kept: other blocks of the shape have contacts at the same places.
+
+    Raises:
+        SolverError: If a contact does not lie on the mesh.
+    """
+    from scipy.sparse import csr_matrix
+
+    if not isinstance(where, Surface):
+        place = placed.inside(where)
+        cell = body.cell_at(place)
+        share = body.shape_functions(np.array([cell]), place[None])
+        nodes = body.cell_nodes[cell]
+        return csr_matrix((share[0], (np.zeros_like(nodes), nodes)), (1, len(body.nodes)))
+    size = body.volume ** (1.0 / 3.0)
+    corners, axes = placed.inside(where.corners), where.axes @ placed.rotation
+    parts = corners / size, where.outwards * axes, where.areas / size**2
+    key = b"".join(np.round(part, DIGITS).tobytes() for part in parts)
+    if key not in known:
+        known[key] = means(body, where._replace(corners=corners, axes=axes))
+    return known[key]
+
+
 def at_nodes(
     body: ElasticBody, placed: Placed, given: ForcesOnBlock, known: dict[bytes, Any]
 ) -> Array:
     """F + B^T r of a block in the axes of its shape, N, shape (nodes, 3).
-
-    Means over surfaces are kept: other blocks of the shape have contacts at the same places.
 
     Raises:
         SolverError: If a contact does not lie on the mesh.
@@ -161,27 +215,16 @@ def at_nodes(
     turn = placed.rotation
     force, moments = given.moments[:1] @ turn, turn.T @ given.moments[1:] @ turn
     total = body.of_body(np.vstack([force, moments]))
-    size = body.volume ** (1.0 / 3.0)
     for where, forces in given.at:
-        if not isinstance(where, Surface):
-            cell = body.cell_at(placed.inside(where))
-            share = body.shape_functions(np.array([cell]), placed.inside(where)[None])
-            total[body.cell_nodes[cell]] += share.T @ (forces @ turn)
-            continue
-        corners, axes = placed.inside(where.corners), where.axes @ turn
-        parts = corners / size, where.outwards * axes, where.areas / size**2
-        key = b"".join(np.round(part, DIGITS).tobytes() for part in parts)
-        if key not in known:
-            known[key] = means(body, where._replace(corners=corners, axes=axes))
-        total += known[key].T @ (forces @ turn)
+        total += table_at(body, placed, where, known).T @ (forces @ turn)
     return total
 
 
 # ---- stresses
 
 
-def _body(scene: BlockScene, block: Block) -> ElasticBody:
-    """A block, meshed.
+def body_of(scene: BlockScene, block: Block, degree: int = 2) -> ElasticBody:
+    """A block, meshed, with displacements of a degree.
 
     Raises:
         SolverError: If gmsh does not mesh it.
@@ -196,7 +239,7 @@ def _body(scene: BlockScene, block: Block) -> ElasticBody:
         parts = np.array([block.group]), of_cell, {block.group: material}
         return given_law(scene.stress, domain, *parts, MPI.COMM_SELF)
 
-    return ElasticBody(*tetrahedra(block, scene.mesh_size), law)
+    return ElasticBody(*tetrahedra(block, scene.mesh_size), law, degree)
 
 
 def sorted_blocks(scene: BlockScene, structure: Structure) -> list[list[Placed]]:
@@ -226,7 +269,7 @@ def stressed_blocks(
         first = structure.blocks[shape[0].like]
         strength = scene.material(first).tensile_strength or np.inf
         try:
-            body = _body(scene, first)
+            body = body_of(scene, first)
         except SolverError as error:
             missed |= {names[placed.block]: str(error) for placed in shape}
             continue

@@ -303,8 +303,8 @@ class FacePath:
     def _products(self) -> float:
         return self.law.mu / (self.law.force * self._displacement)
 
-    def work(self, at: Place) -> float:
-        """W of a place."""
+    def work(self, at: Place | FaceIterate) -> float:
+        """W of a place, or of a state."""
         return float(self._model.live @ at.motion)
 
     def iterate(self, at: Place) -> FaceIterate:

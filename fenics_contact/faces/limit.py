@@ -34,6 +34,7 @@ from fenics_contact.faces.kernel import (
 )
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
+from fenics_contact.faces.strained import StrainedModel
 from fenics_contact.faces.system import SHIFT, Equations
 from fenics_contact.search_options import SEARCH
 
@@ -108,14 +109,19 @@ class FaceSearch:
         effort: float = SEARCH.collapse_cost,
         check_stop: Callable[[], None] = lambda: None,
         near: float = SEARCH.rough_gap,
+        elastic: StrainedModel | None = None,
     ) -> None:
         """Take a model, the gap asked for, and the most factorisations.
 
-        States are looked for beside elastic ones of a gap `near`. `check_stop` is called between
-        solves and may raise `Stopped`.
+        States are looked for beside elastic ones of a gap `near`, of the model or of an `elastic`
+        one with the same units. `check_stop` is called between solves and may raise `Stopped`.
         """
         self.model = model
         self.equations = Equations(model)
+        self.elastic_model: FaceModel = elastic or model
+        self.elastic_equations = self.equations
+        if elastic is not None:
+            self.elastic_equations = Equations(self.elastic_model, self.equations)
         self.best: FaceState | None = None
         self.path: Followed | None = None
         self.attempts: list[FaceAttempt] = []
@@ -164,7 +170,7 @@ class FaceSearch:
         spent = self.equations.factorizations
         try:
             path = self.path = followed(
-                self.model, self.equations, SEARCH.collapse_cost, self._check_stop
+                self.elastic_model, self.elastic_equations, SEARCH.collapse_cost, self._check_stop
             )
         except SolverError as error:
             _log.debug("  loading path: %s", error)
@@ -172,8 +178,9 @@ class FaceSearch:
             self._with_given_part(SEARCH.little_friction * self.dead_forces, self.work)
         else:
             end = path.iterate.load_factor
-            found = self._certifier.exact(path.iterate)
-            found = found or self._certifier.near(path.iterate, path.work)[0]
+            last = self._as_rigid(path.iterate)
+            found = self._certifier.exact(last)
+            found = found or self._certifier.near(last, path.work)[0]
             near = 1.01 * SEARCH.rough_gap * self.model.size(end)
             sure = found and found.gap > -SEARCH.agrees and abs(found.load_factor - end) <= near
             if path.is_whole or sure:
@@ -266,8 +273,8 @@ class FaceSearch:
     @property
     def work(self) -> float:
         """W, the first one."""
-        model = self.model
-        work = elastic_response(model, self.equations).work
+        model = self.elastic_model
+        work = elastic_response(model, self.elastic_equations).work
         # Softer than the shift of the matrix is: nothing holds some block.
         if not work < float(model.live @ model.live) * model.compliance.max() / SHIFT:
             raise SolverError("the faces do not hold the blocks")
@@ -304,7 +311,7 @@ class FaceSearch:
     @property
     def dead_forces(self) -> Array:
         """Pressing forces under the dead load with all faces closed, where they press."""
-        response = elastic_response(self.model, self.equations)
+        response = elastic_response(self.elastic_model, self.elastic_equations)
         return self.model.normal(np.maximum(response.dead_force, 0.0))
 
     def _with_given_part(self, pressed: Array, work: float) -> None:
@@ -331,17 +338,21 @@ class FaceSearch:
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> FaceIterate:
         """The elastic state under a work, with a part theta of Coulomb's law and the rest given."""
         self._check_stop()
-        model = self.model
+        model = self.elastic_model
         program = Program(
             model,
-            self.equations,
+            self.elastic_equations,
             model.strength + (1.0 - theta) * model.free_friction * pressed,
             model.dilatancy + theta * model.free_friction,
             model.dilatancy,
             work,
             elastic=True,
         )
-        return solve(program, tolerances=FaceTolerances(gap, 1e-5, 1e-3))
+        return self._as_rigid(solve(program, tolerances=FaceTolerances(gap, 1e-5, 1e-3)))
+
+    def _as_rigid(self, state: FaceIterate) -> FaceIterate:
+        model = self.elastic_model
+        return model.as_rigid(state) if isinstance(model, StrainedModel) else state
 
     def _certified(self, name: str, state: FaceIterate, work: float) -> float:
         """Hand a state to the certificate; the limit with its strengths."""

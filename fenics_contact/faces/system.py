@@ -133,9 +133,10 @@ def cross_products(vectors: Array, choices: Any) -> Array:
 
 
 class Equations:
-    """Pattern, ordering and number of factorisations of one model."""
+    """Pattern, ordering and number of factorisations of one model, which others count, too."""
 
-    def __init__(self, model: FaceModel) -> None:
+    def __init__(self, model: FaceModel, counted: Equations | None = None) -> None:
+        self._counted = counted
         self.factorizations = 0
         self.response: Any = None
         units, size = model.shape
@@ -212,6 +213,8 @@ class Equations:
         from scipy.sparse.linalg import splu
 
         self.factorizations += 1
+        if self._counted is not None:
+            self._counted.factorizations += 1
         entries = self._matrix(inverse)
         if not np.all(np.isfinite(entries)):
             raise SolverError("face forces: springs are not finite")

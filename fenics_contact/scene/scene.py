@@ -85,7 +85,7 @@ ROUNDING = 1e-9
 #: Fields of scenes and their files that are not alike.
 APART = (
     *("mesh", "blocks", "plane", "degree", "dimension", "thickness", "read", "notes", "mesh_size"),
-    *("loads", "live", "dead"),
+    *("elastic", "loads", "live", "dead"),
 )
 #: 1 g, m/s2: of loads that are given by their direction, and of the mass of a floor.
 GRAVITY = 9.81

@@ -63,7 +63,7 @@ class PathPeak(PeakAnswer):
             return cls(Peak("none")) if question.path.is_whole else cls.not_known(NO_PATH), end
         if not _is_verified(structure, top, end.sign):
             return cls.not_known(NOT_VERIFIED), end
-        moved = _moved(structure, top)
+        moved = _moved(question, top)
         return cls(Peak("found", end.sign * top.load_factor, math.nan, *moved)), end
 
 
@@ -99,7 +99,7 @@ class PathCurve(Asked):
             with np.errstate(all="ignore"), suppress(SolverError):
                 state = path.state(last * part)
             if state is not None and _is_verified(structure, state, end.sign):
-                work, moved = _moved(structure, state)
+                work, moved = _moved(question, state)
                 points.append(CapacityPoint(end.sign * state.load_factor, moved, work))
             else:
                 work = float(last * part) / structure.young
@@ -131,11 +131,10 @@ def _plateau(path: Followed) -> float:
     return min(ONSET * high, works[-1])
 
 
-def _moved(structure: Structure, state: FaceIterate) -> tuple[float, float]:
+def _moved(question: Any, state: FaceIterate) -> tuple[float, float]:
     """Work of the live load, N m, and the mean displacement along it, m."""
-    live = structure.generalised(structure.live)
-    work = abs(float(live @ state.motion)) / structure.young
-    return work, work / _pushed(structure)
+    work = abs(question.path.path.work(state)) / question.structure.young
+    return work, work / _pushed(question.structure)
 
 
 def _pushed(structure: Structure) -> float:

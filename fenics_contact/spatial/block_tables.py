@@ -154,12 +154,16 @@ def blocks_of_table(table: Mapping[str, Any], folder: Path, dimension: int) -> R
     axes = tuple("xyz"[:dimension])
     up = given.pop("up") if isinstance(given.get("up"), str) else axes[-1]
     require(up in axes, f"blocks.up = '{up}' must be one of {listed(axes)}")
-    size = None if isinstance(given.get("size"), Mapping) else given.pop("size", None)
+    options = {
+        key: given.pop(key)
+        for key in ("size", "elastic")
+        if not isinstance(given.get(key, {}), Mapping)
+    }
     if _is_made(given):
         read = _made(given, folder, dimension == 2)
     else:
         read = _joined([_part(name, item, folder, dimension) for name, item in given.items()])
-    read = read._replace(size=size)
+    read = read._replace(**options)
     return read if up == axes[-1] else _upright(read, *UPWARDS[up])
 
 

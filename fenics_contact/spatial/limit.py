@@ -44,8 +44,10 @@ UNLIMITED = "nothing limits the live load"
 #: Modules of answers, each of which registers its own. They stand on this one.
 ANSWERS = (
     *("motion.answer", "elastic.answer", "spatial.along_path", "spatial.other_states"),
-    *("spatial.upper_end", "spatial.without_ties"),
+    *("spatial.upper_end", "spatial.without_ties", "elastic.rigid"),
 )
+#: Module that makes blocks strain; it stands on this one.
+STRAINS = "fenics_contact.elastic.strains"
 
 
 @checked
@@ -72,7 +74,7 @@ def limit_load(
     start = time.perf_counter()
     if scene.output.stress:
         check_requirements()
-    structure = scene.structure()
+    structure = structure_of(scene)
     pushed = structure.live[structure.number >= 0]
     require(bool(np.any(pushed)), "loads.live: the live load is zero on every block that moves")
     built = time.perf_counter() - start
@@ -91,6 +93,22 @@ def limit_load(
     total = time.perf_counter() - start
     seconds = {"read": built, "solve": total - built, "total": total}
     return BlockLimitLoad(scene, structure, found, seconds, ranks_of(beside))
+
+
+def structure_of(scene: BlockScene, degree: int = 1) -> Structure:
+    """The structure of a scene, with blocks that strain where it asks for it.
+
+    Their displacements have a degree; 2, for bending, costs some ten times as much.
+
+    Raises:
+        InputError: If laws or loads do not fit the blocks.
+    """
+    structure = scene.structure()
+    if not scene.elastic:
+        return structure
+    check_requirements()
+    strained: Structure = import_module(STRAINS).with_strains(scene, structure, degree)
+    return strained
 
 
 def _check(scene: BlockScene, stop: Callable[[], str]) -> Callable[[], None]:
@@ -162,7 +180,8 @@ def searched_for(
     if rest.status in ("unstable", "no_equilibrium"):
         return replace(rest, sign=sign), None
     model = structure.face_model(sign)
-    search = FaceSearch(model, asked, check_stop=check_stop, near=SEARCH.side_accuracy)
+    options: dict[str, Any] = {"near": SEARCH.side_accuracy, "check_stop": check_stop}
+    search = FaceSearch(model, asked, elastic=structure.strained_model(model, sign), **options)
     wedged = cache(lambda: wedged_blocks(structure, model))
 
     def unlimited() -> bool:
@@ -206,7 +225,7 @@ def _alike(structure: Structure, sign: float) -> bool:
 def standing(scene: BlockScene, load_factor: float = 0.0) -> BlockLimitLoad:
     """The state under the dead load and a multiple of the live load, or the blocks that fall."""
     start = time.perf_counter()
-    structure = scene.structure()
+    structure = structure_of(scene, degree=2)
     found = state_of(structure, load_factor)
     total = {"total": time.perf_counter() - start}
     return BlockLimitLoad(scene, structure, {"positive": found}, total)

@@ -68,8 +68,9 @@ class AnotherState(Asked):
 
     @classmethod
     def concerns(cls, question: BlockQuestion) -> bool:
-        """Whether a path led to the collapse."""
-        return question.end.way == "follow" and question.path is not None
+        """Whether a path of rigid blocks led to the collapse."""
+        rigid = question.structure.strained is None
+        return rigid and question.end.way == "follow" and question.path is not None
 
     @classmethod
     def run(cls, question: BlockQuestion) -> tuple[Self | None, Collapse]:

@@ -237,6 +237,7 @@ class ReadBlocks(NamedTuple):
         notes: What of a file was left out, or taken otherwise than written.
         sides: Names of sides that a drawing gives, and lines on which they lie.
         size: Length of edges of tetrahedra, m; None: by the blocks.
+        elastic: Whether blocks strain in the search.
     """
 
     blocks: tuple[Block, ...]
@@ -244,6 +245,7 @@ class ReadBlocks(NamedTuple):
     notes: tuple[str, ...] = ()
     sides: Mapping[str, Any] = {}
     size: float | None = None
+    elastic: bool = False
 
 
 def _closed(corners: Any, sides: Iterable[Any]) -> tuple[Array, list[list[int]]]:

@@ -132,6 +132,7 @@ class BlockScene(OfFile):
             part of their thickness.
         mesh_size: In space length of edges of tetrahedra, for stresses, m, `blocks.size` in files;
             None: half of a block's thickness.
+        elastic: In space: blocks strain in the search for the collapse, `blocks.elastic` in files.
         stress: In space, and in Python only: see `scene.scene.Scene`.
         title: Of pictures and result.
         dimension: 3, or 2: of blocks that are prisms a metre deep, moving in the plane x-z.
@@ -148,6 +149,7 @@ class BlockScene(OfFile):
     sides: Mapping[str, Sides] = field(default_factory=dict)
     tolerance: float | None = ruled(POSITIVE, None)
     mesh_size: float | None = ruled(POSITIVE, None, of="space")
+    elastic: bool = only("space", False)
     stress: StressLaw | None = only("space")
     dimension: int = ruled(rule(lambda d: d in (2, 3), "must be 2 or 3"), 3)
     thickness: float | None = None
@@ -169,8 +171,11 @@ class BlockScene(OfFile):
                 ("tensile_strength", crushes, "joints that crush carry none; leave it out"),
             ):
                 require(not wrong, f"{key}.{name}: {text}")
-        quick = self.output.stress and self.solve.quick
-        require(not quick, "output.stress: needs forces all over contacts; no solve.quick")
+        for key, given in (("output.stress", self.output.stress), ("blocks.elastic", self.elastic)):
+            quick = given and self.solve.quick
+            require(not quick, f"{key}: needs forces all over contacts; no solve.quick")
+        text = "blocks.elastic: is of scenes in space; blocks with a [mesh] strain in the plane"
+        require(not (self.elastic and "plane" in self.kinds), text)
         self.check_loads()
 
     @property
@@ -214,6 +219,7 @@ class BlockScene(OfFile):
             read=read.told,
             notes=read.notes,
             mesh_size=read.size,
+            elastic=read.elastic,
             **shared,
         )
 

@@ -44,9 +44,10 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> Collapse:
     nothing = Collapse(given=load_factor, attempts=(tried,))
     if fall := falling(structure, model, load_factor):
         return _fallen(structure, nothing, fall, "")
-    state = _from_rest(model, 0.0)  # what only the live load holds falls before
+    elastic = structure.strained_model(model) or model
+    state = _from_rest(elastic, 0.0)  # what only the live load holds falls before
     if state is not None and load_factor:
-        state = _along_path(structure, load_factor) or _from_rest(model, load_factor)
+        state = _along_path(structure, load_factor) or _from_rest(elastic, load_factor)
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
     nothing = replace(
@@ -72,7 +73,7 @@ def _along_path(structure: Structure, load_factor: float) -> FaceIterate | None:
     model = structure.face_model(sign)
     if model.has_many_blocks or not np.any(model.live):
         return None
-    return state_at(model, abs(load_factor))
+    return state_at(structure.strained_model(model, sign) or model, abs(load_factor))
 
 
 def _from_rest(model: FaceModel, load_factor: float) -> FaceIterate | None:

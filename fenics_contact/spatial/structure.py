@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.strained import StrainedModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.spatial.contacts import Contact
 from fenics_contact.spatial.crushing import Crushing
@@ -91,6 +92,8 @@ class Structure:
         dimension: 2 or 3.
         law_of: Law of a contact between two blocks by their numbers, also where they do not touch
             as drawn, None where it is off; None: those that touch as drawn have one.
+        strained: Makes a model whose blocks strain of a rigid one and the sign of the live load;
+            None: elastic states are those of rigid blocks on springs.
     """
 
     blocks: tuple[Block, ...]
@@ -107,6 +110,7 @@ class Structure:
     acting: Mapping[str, Acting] = field(default_factory=dict)
     dimension: int = 3
     law_of: Callable[[int, int], ContactLaw | None] | None = None
+    strained: Callable[[Structure], Callable[[FaceModel, float], StrainedModel]] | None = None
 
     @property
     def pressing(self) -> int:
@@ -303,21 +307,21 @@ class Structure:
         """Of the bars, N, shape (bars,), from the engine's forces."""
         return np.asarray(-(force + self.given_force)[self.faces :, self.pressing])
 
-    def face_model(self, sign: float = 1.0) -> FaceModel:
-        """What the engine sees, with the live load or the reverse of it (sign -1)."""
+    def springs(self, softness: float = 1.0) -> tuple[Array, Array | None]:
+        """Compliance of units over `young`, shape (units, 3), and offsets, see `FaceModel`.
+
+        Args:
+            softness: Of contacts, in parts of that of rigid blocks.
+        """
         count = self.faces
         pressing = self.pressing
         area = self.areas[:count]
         middle = np.median(area[area > 0.0]) if area.any() else self.size**2  # edges are as stiff
         area = np.where(area > 0.0, np.maximum(area, 1e-6 * area.max()), middle)
         springs = [float(pressing)] * pressing + [1.0 / SHEAR] * (3 - pressing)
-        compliance = np.outer(self.size / area, springs)
+        compliance = np.outer(softness * self.size / area, springs)
         typical = np.median(compliance, axis=0)
         compliance = np.vstack([compliance, *(typical for _ in self.bars)])
-        friction = self.of_units("friction")
-        given = self.given_force[:, :pressing].sum(axis=1)
-        strength = self.of_units("cohesion") * self.areas + friction * given
-        strength[count:] = 0.5 * self.yields
         # Springs have no force as drawn, but the prestress of bars, before the ground moves.
         rest = self.given_force.copy()
         for k, bar in enumerate(self.bars, count):
@@ -328,12 +332,21 @@ class Structure:
         if self.moved is not None:
             moved = self.young * self.moved * np.repeat([1.0, self.size], 3)
             offset += np.asarray(self._motions @ moved.ravel())[self.rows]
+        return compliance, offset if np.any(offset) else None
+
+    def face_model(self, sign: float = 1.0) -> FaceModel:
+        """What the engine sees, with the live load or the reverse of it (sign -1)."""
+        friction = self.of_units("friction")
+        given = self.given_force[:, : self.pressing].sum(axis=1)
+        strength = self.of_units("cohesion") * self.areas + friction * given
+        strength[self.faces :] = 0.5 * self.yields
+        compliance, offset = self.springs()
         motion = self.relative_motion()
         weights = self.generalised(self.dead)
         free = len(FREE[self.dimension])
         return FaceModel(
             motion=motion,
-            pressing=pressing,
+            pressing=self.pressing,
             dead=weights + np.asarray(motion.T @ self.given_force.ravel()),
             live=sign * self.generalised(self.live),
             strength=np.maximum(strength, 0.0),
@@ -341,12 +354,20 @@ class Structure:
             dilatancy=self.of_units("dilatancy"),
             compliance=compliance,
             kappa=self._kappa,
-            offset=offset if np.any(offset) else None,
+            offset=offset,
             components=3 if self.dimension == 3 else 1,
             weights=weights,
             block=np.repeat(np.arange(motion.shape[1] // free), free),
             further=None if np.any(self._kappa) else self.pressed,
         )
+
+    def strained_model(self, rigid: FaceModel, sign: float = 1.0) -> StrainedModel | None:
+        """A model of `face_model` with blocks that strain, in elastic states; None: they do not."""
+        return None if self._strained is None else self._strained(rigid, sign)
+
+    @cached_property
+    def _strained(self) -> Callable[[FaceModel, float], StrainedModel] | None:
+        return None if self.strained is None else self.strained(self)
 
     @cached_property
     def _kappa(self) -> Array:
