@@ -243,11 +243,17 @@ def body_of(scene: BlockScene, block: Block, degree: int = 2) -> ElasticBody:
 
 
 def sorted_blocks(scene: BlockScene, structure: Structure) -> list[list[Placed]]:
-    """Blocks that move by their shapes and materials; by themselves where laws ask for places."""
+    """Blocks that move by their shapes and materials.
+
+    They are by themselves where laws ask for places, or the blocks' own tetrahedra are taken.
+    """
     by_place = scene.stress is not None and compat.arguments_of(scene.stress) > 2
-    moving = np.flatnonzero(structure.number >= 0).tolist()
-    kinds = {k: (scene.material(structure.blocks[k]), by_place and k) for k in moving}
-    return shapes_of(structure.blocks, kinds, turned=scene.stress is None)
+    blocks = structure.blocks
+    kinds = {}
+    for k in np.flatnonzero(structure.number >= 0).tolist():
+        own = by_place or (scene.mesh_size is None and blocks[k].cells is not None)
+        kinds[k] = scene.material(blocks[k]), k if own else -1
+    return shapes_of(blocks, kinds, turned=scene.stress is None)
 
 
 def stressed_blocks(

@@ -29,11 +29,14 @@ def tetrahedra(block: Block, size: float | None = None) -> tuple[Array, Indices]
 
     Args:
         block: What is meshed.
-        size: Length of edges, m; None: by the block's thickness.
+        size: Length of edges, m; None: its own tetrahedra, or else by its thickness.
 
     Raises:
         SolverError: If gmsh does not mesh it; without the name of the block.
     """
+    if block.cells is not None and size is None:
+        nodes, cells = np.unique(block.cells.reshape(-1, 3), axis=0, return_inverse=True)
+        return nodes, _filled(block, nodes, cells.reshape(-1, 4))
     size = size or SIZE * max(piece.thickness for piece in block.pieces)
     if 8.0 * block.volume > MOST * size**3:
         raise SolverError(f"edges of {size:.2g} m would make more than {MOST} tetrahedra")
@@ -42,10 +45,15 @@ def tetrahedra(block: Block, size: float | None = None) -> tuple[Array, Indices]
             nodes, cells = _meshed(gmsh.model, block, size)
     except Exception as error:  # gmsh has no error of its own
         raise SolverError(f"gmsh: {' '.join(str(error).split())}") from error
-    volume = np.linalg.det(nodes[cells[:, 1:]] - nodes[cells[:, :1]]).sum() / 6.0
+    return nodes, _filled(block, nodes, cells)
+
+
+def _filled(block: Block, nodes: Array, cells: Indices) -> Indices:
+    """Cells, if they fill a block."""
+    volume = abs(np.linalg.det(nodes[cells[:, 1:]] - nodes[cells[:, :1]]).sum()) / 6.0
     if abs(volume - block.volume) > VOLUME * block.volume:
         raise SolverError(f"its tetrahedra have {volume:.4g} of {block.volume:.4g} m3")
-    return nodes, cells
+    return cells
 
 
 def _meshed(model: Any, block: Block, size: float) -> tuple[Array, Indices]:

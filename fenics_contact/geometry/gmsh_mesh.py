@@ -42,7 +42,7 @@ from fenics_contact.requirements import GMSH_WAYS
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
 Tags = npt.NDArray[np.uint64]
-Volumes = tuple[list[tuple[int, list[str], list[tuple[int, ...]]]], Tags, Array]
+Volumes = tuple[list[tuple[int, list[str], list[tuple[int, ...]], Any]], Tags, Array]
 
 #: What a block is: connected cells, or connected cells of one gmsh surface.
 BLOCKS = ("connected", "surfaces")
@@ -213,7 +213,7 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
 
 
 def read_volumes(path: Path) -> Volumes:
-    """Volumes of a gmsh file (number, groups, outer faces by nodes), tags and places of its nodes.
+    """Volumes of a gmsh file (number, groups, outer faces and tetrahedra by nodes), its nodes.
 
     Raises:
         ValueError: If gmsh cannot read the file, with its reason.

@@ -38,11 +38,12 @@ def contents(model: Any) -> tuple[Any, ...]:
 
 
 def volumes(model: Any) -> tuple[Any, ...]:
-    """Volumes of the current `gmsh.model`: number, groups and outer faces; and all nodes.
+    """Volumes of the current `gmsh.model`: number, groups, outer faces, tetrahedra; and all nodes.
 
     Outer faces are those of one element only; without elements, those of the volume's surfaces,
-    if these have any.
+    if these have any. Tetrahedra, by the numbers of their corners, are told where all elements are.
     """
+    corners = {4: 4, 11: 10}  # nodes of tetrahedra, of degree 1 and 2
     found = []
     for _, volume in model.getEntities(3):
         entities = [(3, volume)]
@@ -54,9 +55,13 @@ def volumes(model: Any) -> tuple[Any, ...]:
                 flat = model.mesh.getElementFaceNodes(kind, width, tag, True)
                 for loop in flat.reshape(-1, width).tolist():
                     uses.setdefault(tuple(sorted(loop)), []).append(tuple(loop))
+        kinds, _, nodes = model.mesh.getElements(3, volume)
+        alone = len(kinds) == 1 and kinds[0] in corners
+        cells = nodes[0].reshape(-1, corners[kinds[0]])[:, :4] if alone else None
         groups = [abs(int(tag)) for tag in model.getPhysicalGroupsForEntity(3, volume)]
         names = [model.getPhysicalName(3, tag) or str(tag) for tag in groups]
-        found.append((volume, names, [same[0] for same in uses.values() if len(same) == 1]))
+        faces = [same[0] for same in uses.values() if len(same) == 1]
+        found.append((volume, names, faces, cells))
     tags, coordinates, _ = model.mesh.getNodes()
     return found, tags, coordinates.reshape(-1, 3)
 

@@ -219,7 +219,8 @@ def _upright(read: ReadBlocks, order: Sequence[int], signs: Sequence[int]) -> Re
 def _moved(block: Block, change: Callable[[Array], Array]) -> Block:
     """A block whose corners are elsewhere."""
     pieces = (Polyhedron(change(piece.corners), piece.sides) for piece in block.pieces)
-    return replace(block, pieces=tuple(pieces))
+    cells = None if block.cells is None else change(block.cells)
+    return replace(block, pieces=tuple(pieces), cells=cells)
 
 
 def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:

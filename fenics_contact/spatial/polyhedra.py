@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple, Self
@@ -187,6 +187,8 @@ class Block:
         group: Key of materials and joints.
         fixed: Whether it is ground, which does not move.
         cut: Whether a whole body was cut into its pieces: they may be slivers, and overlap.
+        cells: Corners of the tetrahedra that a file has for it, m, shape (cells, 4, 3); None: gmsh
+            makes some where stresses are asked for.
     """
 
     pieces: tuple[Polyhedron, ...]
@@ -194,6 +196,7 @@ class Block:
     group: str = "default"
     fixed: bool = False
     cut: bool = False
+    cells: Array | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Refuse pieces that are no convex bodies.

@@ -141,6 +141,7 @@ def _surfaces(path: Path, unit: str | None, left_out: Counter[str]) -> list[Surf
                 s,
                 faces=[scale * np.array(f, float).reshape(len(f), 3) for f in s.faces],
                 rounding=scale * s.rounding,
+                cells=None if s.cells is None else scale * s.cells,
             )
             for s in READERS[path.suffix.lower()](path, unit, left_out)
         ]
@@ -448,11 +449,14 @@ def _msh(path: Path, _: str | None, left_out: Counter[str]) -> Iterator[Surface]
     volumes, tags, coordinates = read_volumes(path)
     place = dict(zip(tags.tolist(), coordinates, strict=True))
     used = set()
-    for tag, groups, loops in volumes:
+    for tag, groups, loops, tetrahedra in volumes:
         used.update(groups)
         faces = [np.array([place[node] for node in loop]) for loop in loops]
         group = groups[0] if groups else ""
-        yield Surface(f"{group or 'volume'} {tag}", faces, group or "default")
+        cells = None
+        if tetrahedra is not None:
+            cells = np.array([[place[node] for node in cell] for cell in tetrahedra.tolist()])
+        yield Surface(f"{group or 'volume'} {tag}", faces, group or "default", cells=cells)
     head = path.read_bytes().partition(b"$PhysicalNames")[2].partition(b"$EndPhysicalNames")[0]
     for dimension, name in re.findall(
         r'^\s*(\d) +\d+ +"(.*)"', head.decode(errors="replace"), re.M

@@ -52,6 +52,7 @@ class Surface:
         group: Key of materials and joints.
         fixed: Whether the block is ground.
         rounding: Distance of the numbers that the file can hold there, m; 0 if of no account.
+        cells: See `Block`.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Surface:
     group: str = "default"
     fixed: bool = False
     rounding: float = 0.0
+    cells: Array | None = None
 
 
 def is_flat(surface: Surface) -> bool:
@@ -144,7 +146,9 @@ def blocks_of(surface: Surface, source: str, left_out: Counter[str]) -> list[Blo
             rough = f"{surface.rounding:.2g} m, too far from the origin for its numbers"
             text = f"{source}: block '{name}' has corners rounded to {rough}; save it nearer to it"
             require(surface.rounding <= APART * piece.thickness, f"{text}, or as text")
-        blocks.append(Block(tuple(pieces), name, surface.group, surface.fixed, len(pieces) > 1))
+        cells = surface.cells if len(bodies) == 1 else None
+        parts = tuple(pieces), name, surface.group, surface.fixed, len(pieces) > 1
+        blocks.append(Block(*parts, cells))
     return blocks
 
 

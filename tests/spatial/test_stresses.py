@@ -24,6 +24,7 @@ from fenics_contact.elastic.stresses import (
 )
 from fenics_contact.elastic.tetrahedra import tetrahedra
 from fenics_contact.errors import InputError, SolverError
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.meshing import polygons
 from fenics_contact.output.fields import cell_stresses
 from fenics_contact.results.result import Collapse
@@ -317,3 +318,35 @@ def test_pieces_of_a_block_are_one_body():
     high = one.points[:, 2] > 1.0 - 1e-9
     assert np.abs(one.stress[high, 2]).max() < 0.1 * one.pressure[0]
     assert one.missing < 1e-9
+
+
+def test_tetrahedra_of_a_file_are_those_of_its_blocks(tmp_path):
+    """Two cubes, meshed together by gmsh, one of them in shape of the other."""
+    path = tmp_path / "cubes.msh"
+    with gmsh_session(MeshSizeMax=0.4) as gmsh:
+        gmsh.model.add("cubes")
+        cubes = [(3, gmsh.model.occ.addBox(0.0, 0.0, z, 1.0, 1.0, 1.0)) for z in (0.0, 1.0)]
+        gmsh.model.occ.fragment(cubes, [])
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(3)
+        counts = [gmsh.model.mesh.getElements(3, tag)[1][0].size for _, tag in cubes]
+        gmsh.write(str(path))
+        gmsh.model.remove()
+    scene = Scene.from_tables(
+        {
+            "dimension": 3,
+            "blocks": {"file": "cubes.msh"},
+            "materials": {"default": {"density": 2000.0}},
+            "joints": {"default": {"friction": 0.7}},
+            "loads": {"dead": {"body": [0.0, 0.0, -10.0]}, "live": {"body": [1.0, 0.0, 0.0]}},
+        },
+        tmp_path,
+    )
+    found = stressed(scene, stands(scene))
+    assert [len(one.cells) for one in found.values()] == counts
+    low = min(found.values(), key=lambda one: one.points[:, 2].min())
+    middle = np.abs(low.points[:, 2] - 0.5) < 0.2
+    expected = -2e4 * (2.0 - low.points[middle, 2])
+    np.testing.assert_allclose(low.stress[middle, 2, 2], expected, atol=0.01 * 4e4)
+    coarse = stressed(replace(scene, mesh_size=1.0), stands(scene))
+    assert [len(one.cells) for one in coarse.values()] != counts
