@@ -212,12 +212,14 @@ def answer(result: ByDirection, words: Wording) -> tuple[list[str], list[str]]:
     lost = (_without_limit(end, result.reason(end), words, name) for name, end in others.items())
     found += dict.fromkeys(lost)
     told: list[tuple[str, Line]] = []
-    for name, end in limits.items():
+    for name, end in result.ends.items():
         answers = [line for answer in end.told for line in answer.lines(end, words)]
         mine = [line for line in answers if not line.verbose]
-        mine += _bracket(end, words, alone=not any(line.states for line in mine))
-        told += [(name, line) for line in (*mine, *result.own_lines(end, words))]
-    return found, words.together(told, limits) + result.remarks
+        if name in limits:
+            mine += _bracket(end, words, alone=not any(line.states for line in mine))
+            mine += result.own_lines(end, words)
+        told += [(name, line) for line in mine]
+    return found, words.together(told, limits or others) + result.remarks
 
 
 def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -> str:

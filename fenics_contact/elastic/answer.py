@@ -53,6 +53,11 @@ class StressAnswer(Asked):
     with_fast = True
 
     @classmethod
+    def is_of(cls, end: Collapse) -> bool:
+        """Also of states under given loads."""
+        return end.status == "equilibrium" or super().is_of(end)
+
+    @classmethod
     def concerns(cls, question: BlockQuestion) -> bool:
         """Whether the scene asks for it."""
         return bool(question.scene.output.stress) and question.end.force is not None

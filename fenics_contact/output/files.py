@@ -158,7 +158,7 @@ def write_files(
         with writing(comm):
             if comm.rank == 0:
                 _write_record(content, hidden)
-                if result.scene.output.report:
+                if result.scene.output.report and result.status != "equilibrium":
                     write_report(hidden)
 
 

@@ -135,8 +135,6 @@ def solved(
 
     Whether the dead load has a state is not asked where it is known that it `stands`.
     """
-    for name in ANSWERS:
-        import_module(f"fenics_contact.{name}")
     check_stop = check_stop or _check(scene, asked_to_stop)
     sign = SIGNS[direction]
     tell("collapse" if sign > 0.0 else "collapse, live load reversed")
@@ -146,9 +144,21 @@ def solved(
     parts: dict[str, Any] = {"structure": structure, "search": search, "check_stop": check_stop}
     parts["workers"] = workers or InPlace()
     before = search.equations.factorizations
-    end = answered(BlockQuestion(scene=scene, end=end, **parts), tell, {})
+    end = _answered(scene, end, parts, tell)
     spent = search.equations.factorizations - before  # on the path that led to it
     return replace(end, factorizations=end.factorizations + spent)
+
+
+def _answered(
+    scene: BlockScene,
+    end: Collapse,
+    parts: dict[str, Any],
+    tell: Callable[[str], None] = lambda text: None,
+) -> Collapse:
+    """A state with all that the scene asks for; parts are those of a `BlockQuestion`."""
+    for name in ANSWERS:
+        import_module(f"fenics_contact.{name}")
+    return answered(BlockQuestion(scene=scene, end=end, **parts), tell, {})
 
 
 def collapse_of(
@@ -227,5 +237,12 @@ def standing(scene: BlockScene, load_factor: float = 0.0) -> BlockLimitLoad:
     start = time.perf_counter()
     structure = structure_of(scene, degree=2)
     found = state_of(structure, load_factor)
+    if scene.output.stress:
+        check_requirements()
+        parts: dict[str, Any] = {
+            "structure": structure,
+            "search": FaceSearch(structure.face_model(), 1.0),
+        }
+        found = _answered(scene, found, parts)
     total = {"total": time.perf_counter() - start}
     return BlockLimitLoad(scene, structure, {"positive": found}, total)

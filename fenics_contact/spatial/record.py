@@ -51,7 +51,7 @@ class BlockLimitLoad(SpatialLimit):
             lost: list[str] = []
             views = views_of(self)
             tables = replace(output, paraview=False, pictures=False)
-            for name, end in self.limits.items():
+            for name, end in self.ends.items():
                 for answer in end.told:
                     answer.write(hidden, views[name], tables if hurry() else output)
             if output.paraview and not hurry():

@@ -160,3 +160,28 @@ def test_planar_blocks_have_meshes_to_strain():
     )
     with pytest.raises(InputError, match=r"blocks.elastic: is of scenes in space"):
         Scene.from_tables(tomllib.loads(text), Path())
+
+
+def test_stands_tells_stresses_of_a_lintel_whose_middle_support_sinks(tmp_path, capsys):
+    """An elastic one stays on it; a rigid one spans over it, and is pulled more."""
+    tables = {"lintel": "[[0.0, 0.0, 0.0], [2.0, 0.3, 0.3]]"}
+    for name, x in (("left", 0.0), ("middle", 0.9), ("right", 1.8)):
+        tables[name] = f"[[{x}, -0.1, -0.5], [{x + 0.2}, 0.4, 0.0]]\nfixed = true"
+    parts = [f"[blocks.{name}]\nbox = {box}\n" for name, box in tables.items()]
+    head, _, tail = TABLE.partition("[blocks.stone]")
+    tail = tail[tail.index("[materials") :].replace("2000.0", "2000.0\nyoung = 1e9")
+    moved = "[loads.dead.movement.middle]\ndisplacement = [0.0, 0.0, -5e-4]\n"
+    output = "[output]\nstress = true\nreport = true\n"
+    (tmp_path / "lintel.toml").write_text("".join([head, *parts, tail, moved, output]))
+    largest = {}
+    for elastic in ("true", "false"):
+        folder = tmp_path / elastic
+        change = ["--set", f"blocks.elastic={elastic}", "--output", str(folder)]
+        assert main(["stands", str(tmp_path / "lintel.toml"), *change]) == 0
+        assert "stresses: pressure up to" in capsys.readouterr().out
+        assert (folder / "stresses.vtu").exists() and (folder / "stresses.png").exists()
+        record = json.loads((folder / "result.json").read_text())
+        (lintel,) = record["stress"]["blocks"]
+        largest[elastic] = lintel["tension"][0]
+    assert largest["false"] == pytest.approx(1.58e5, rel=0.05)
+    assert 0.3 * largest["false"] < largest["true"] < 0.7 * largest["false"]
