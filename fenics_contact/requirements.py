@@ -28,16 +28,21 @@ Which of these were tested: docs/platforms.md"""
 #: Ways to gmsh, for people.
 GMSH_WAYS = "apt install python3-gmsh, conda install python-gmsh or pip install gmsh"
 
+#: What needs none of these, for people.
+RIGID = 'rigid blocks: [blocks] file = "wall.msh" or "wall.dxf" in place of [mesh]'
 
-def missing_requirements(mesh: bool = True) -> str:
+
+def missing_requirements(mesh: bool = True, key: str = "") -> str:
     """Message with the modules that are not installed and the ways to them; else empty.
 
     Args:
         mesh: Whether a scene has a mesh; rigid blocks without one do with what pip installs.
+        key: What needs the modules of meshes in a scene without a mesh.
     """
     texts = []
     by_pip = f"(pip install {' '.join(BY_PIP)})"
-    by_other_ways = f"(FEniCSx), and pip does not install them. Ways:\n{WAYS}"
+    by_other_ways = f"(FEniCSx), and pip does not install them. Ways:\n{WAYS}\n"
+    by_other_ways += f"without them:    {f'leave out {key}' if key else RIGID}"
     of_meshes = OF_MESHES if mesh else ()
     for needed, cure in ((BY_PIP, by_pip), (of_meshes, by_other_ways)):
         if names := [name for name in needed if find_spec(name) is None]:
@@ -46,11 +51,11 @@ def missing_requirements(mesh: bool = True) -> str:
     return "; ".join(texts)
 
 
-def check_requirements(mesh: bool = True) -> None:
-    """Refuse to go on without the modules that are needed.
+def check_requirements(mesh: bool = True, key: str = "") -> None:
+    """Refuse to go on without the modules that are needed, see `missing_requirements`.
 
     Raises:
         MissingError: With the ways to them.
     """
-    if message := missing_requirements(mesh):
+    if message := missing_requirements(mesh, key):
         raise MissingError(f"fenics_contact: {message}")

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from importlib.util import find_spec
 from typing import Any
 
+import numpy as np
+
+from fenics_contact.requirements import missing_requirements
 from fenics_contact.spatial.check import description
+from fenics_contact.spatial.crushing import NO_CLARABEL
 from fenics_contact.spatial.limit import limit_load, standing
 from fenics_contact.spatial.record import BlockLimitLoad
 from fenics_contact.spatial.scene import BlockScene
@@ -24,9 +29,12 @@ def count(scene: BlockScene) -> int:
 
 
 def checked(scene: BlockScene, verbose: bool) -> tuple[str, Sequence[str]]:
-    """What is in it, and warnings."""
+    """What is in it, and warnings; with what `solve` would refuse."""
     structure = scene.structure()
-    return description(scene, structure), structure.warnings
+    stresses = missing_requirements(key=scene.strained) if scene.strained else ""
+    crushes = scene.dimension == 3 and np.any(structure.limited)
+    lacking = NO_CLARABEL if crushes and find_spec("clarabel") is None else ""
+    return description(scene, structure), [*structure.warnings, *filter(None, (stresses, lacking))]
 
 
 def solved(

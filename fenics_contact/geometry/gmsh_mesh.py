@@ -37,7 +37,7 @@ from fenics_contact.geometry.planar_cells import (
     connected,
     sides_of,
 )
-from fenics_contact.requirements import GMSH_WAYS
+from fenics_contact.requirements import GMSH_WAYS, RIGID
 
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
@@ -158,7 +158,7 @@ _GMSH = f"this needs gmsh, which is not installed: {GMSH_WAYS}"
 @contextmanager
 def gmsh_session(**options: float) -> Iterator[Any]:
     """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
-    require(find_spec("gmsh") is not None, _GMSH)
+    require(find_spec("gmsh") is not None, f"{_GMSH}; without it: {RIGID}")
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)

@@ -551,7 +551,40 @@ class ByDirection(ABC):
                     found = {n: end.answers.get(kind.name) for n, end in self.limits.items()}
                     return {n: one.value for n, one in found.items() if one is not None}
                 return None if self.collapse is None else getattr(self.collapse, kind.name)
-        raise AttributeError(f"a result has no '{name}'")
+        of_end = f"; result.positive.{name} is there" if hasattr(Collapse, name) else ""
+        raise AttributeError(f"a result has no '{name}'{of_end}")
+
+    @property
+    def bounds(self) -> LimitBounds | None:
+        """Bracket of the rigid-block programs for the collapse that fields show. Collective.
+
+        It is solved for when it is first asked for, which may take as long as the limit load.
+        """
+        return None if self.collapse is None else self.collapse.bounds
+
+    @property
+    def residuals(self) -> Mapping[str, float]:
+        """By how much each condition is missed, relative; empty where nothing was verified.
+
+        That of the bracket is among them once it was solved for: `with_brackets`.
+        """
+        return {} if self._certificate is None else dict(self._certificate.residuals)
+
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """What each residual may be in a limit load; empty as `residuals`."""
+        return {} if self._certificate is None else dict(self._certificate.tolerances)
+
+    @property
+    def _certificate(self) -> Certificate | None:
+        # Nothing is proved by the last state of a load that is not limited.
+        end = self.collapse
+        return None if end is None or end.status == "unbounded" else end.certificate
+
+    @property
+    def states(self) -> tuple[CollapseState, ...]:
+        """Collapse states that were found with their gaps, that of the path or by faces first."""
+        return () if self.collapse is None else self.collapse.states
 
     def suffix(self, direction: str) -> str:
         """What names of files of a direction have behind them."""
@@ -720,38 +753,6 @@ class Result(ByDirection):
         """What soils press with at the collapse that fields show."""
         end = self.collapse
         return soil_forces(self.layout, None if end is None else end.joints)
-
-    @property
-    def bounds(self) -> LimitBounds | None:
-        """Bracket of the rigid-block programs for the collapse that fields show. Collective.
-
-        It is solved for when it is first asked for, which may take as long as the limit load.
-        """
-        return None if self.collapse is None else self.collapse.bounds
-
-    @property
-    def residuals(self) -> Mapping[str, float]:
-        """By how much each condition is missed, relative; empty where nothing was verified.
-
-        That of the bracket is among them once it was solved for: `with_brackets`.
-        """
-        return {} if self._certificate is None else dict(self._certificate.residuals)
-
-    @property
-    def tolerances(self) -> Mapping[str, float]:
-        """What each residual may be in a limit load; empty as `residuals`."""
-        return {} if self._certificate is None else dict(self._certificate.tolerances)
-
-    @property
-    def _certificate(self) -> Certificate | None:
-        # Nothing is proved by the last state of a load that is not limited.
-        end = self.collapse
-        return None if end is None or end.status == "unbounded" else end.certificate
-
-    @property
-    def states(self) -> tuple[CollapseState, ...]:
-        """Collapse states that were found with their gaps, that of the path or by faces first."""
-        return () if self.collapse is None else self.collapse.states
 
     def with_brackets(self) -> Self:
         """The result with all brackets solved for, and what they say; no status changes.

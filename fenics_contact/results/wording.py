@@ -242,8 +242,8 @@ def _way_in_space(vector: Array) -> str:
     if np.abs(vector).sum() - abs(vector[axis]) < LEVEL:
         return f"along {'+' if vector[axis] > 0.0 else '-'}{'xyz'[axis]}"
     if abs(vector[2]) < LEVEL:
-        degrees = math.degrees(math.acos(vector[0]))
-        return f"at {degrees:.3g} degrees from +x towards {'+' if vector[1] > 0.0 else '-'}y"
+        degrees = math.degrees(math.atan2(vector[1], vector[0])) % 360.0  # as `loads.live.angle`
+        return f"at {degrees:.3g} degrees from +x towards +y"
     return f"along ({', '.join(f'{part + 0.0:.3g}' for part in vector)})"
 
 

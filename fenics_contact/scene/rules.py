@@ -32,7 +32,7 @@ OF = {
     "mesh": "of scenes with a mesh",
     "blocks": "of scenes of rigid blocks ([blocks] in place of [mesh] takes the same file)",
     "plane": "of scenes in the plane",
-    "space": "of scenes in space; heights in the plane are y",
+    "space": "of scenes in space",
     "elastic": "of scenes with a mesh, or in space",
 }
 
@@ -165,7 +165,8 @@ def require_fit(key: str, value: Any, kind: Any, scene: Collection[str]) -> None
             if is_of(item, scene) and given != item.default:
                 require_fit(inner, given, types_of(type(value))[item.name], scene)
             elif given and given != item.default:
-                raise InputError(f"{inner} is {OF[item.metadata['of']]}; leave it out")
+                cure = "heights in the plane are y" if item.name == "z" else "leave it out"
+                raise InputError(f"{inner} is {OF[item.metadata['of']]}; {cure}")
     elif isinstance(value, Mapping):
         for name, one in value.items():
             require_fit(f"{key}.{name}", one, several[1], scene)

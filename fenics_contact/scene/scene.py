@@ -523,6 +523,7 @@ class Load(Checked):
         if self.direction is not None and not any(self.body):
             share = GRAVITY / math.hypot(*self.direction)
             object.__setattr__(self, "body", tuple(share * part for part in self.direction))
+            object.__setattr__(self, "given", self.direction)  # as messages name it
             object.__setattr__(self, "direction", None)
         if self.angle is not None:
             size = math.hypot(*self.body[:2])
@@ -773,11 +774,12 @@ class Shared(_Own):
         require_size("plane.thickness", wide or 0.0)
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
         require(len(self.title) <= LONGEST_TITLE, long)
+        for key, load in (("loads.dead", self.dead), ("loads.live", self.live)):
+            text = f"{key}.direction: give either body or direction"
+            require(load.direction is None, text)
+            require_fit(f"{key}.direction", vars(load).get("given"), Vector, self.kinds)
         for key, value in self._parts().items():
             require_fit(key, value, types_of(type(self)).get(key), self.kinds)
-        for name, load in (("dead", self.dead), ("live", self.live)):
-            text = f"loads.{name}.direction: give either body or direction"
-            require(load.direction is None, text)
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
         require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
 
@@ -1193,7 +1195,7 @@ class _MeshTable:
 
     def __post_init__(self) -> None:
         require_choice("blocks", self.blocks, BLOCKS)
-        require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
+        require(bool(self.file), 'file is missing; give [mesh] file = "wall.msh", or [blocks]')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -78,11 +78,15 @@ class Units:
         """A force on the structure, from N per metre of thickness."""
         return f"{self.force_number(value):.{digits}g} {self.force_unit}"
 
-    def mass(self, value: float, digits: int = 4) -> str:
+    def bulk(self, value: float, unit: str, digits: int = 6) -> str:
+        """A volume or an area of the structure, from that per metre of thickness."""
+        whole = f"{value * (self.thickness or 1.0):.{digits}g} {unit}"
+        return whole if self.thickness else f"{whole} {PER_METRE}"
+
+    def mass(self, value: float) -> str:
         """A mass of the structure, from kg per metre of thickness; in tonnes beside kN."""
         factor, unit = (1.0, "kg") if self.name == "SI" else (1e-3, "t")
-        whole = value * factor * (self.thickness or 1.0)
-        return f"{whole:.{digits}g} {unit}" + ("" if self.thickness else f" {PER_METRE}")
+        return self.bulk(factor * value, unit, 4)
 
     def forces(self, force: Sequence[float], digits: int = 6) -> str:
         """Two components of a force on the structure, from N per metre of thickness.

@@ -238,7 +238,7 @@ def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:
             drawn = None if is_mesh else read_dxf(path, unit)
             read = _drawn(drawn.drawing if drawn else drawing_of(read_file(path)))
             told = f"{path.name}: {counted(len(read.blocks), 'block')}"
-            read = read._replace(told=told, notes=drawn.notes if drawn else ())
+            read = read._replace(told=told, notes=tuple(map(_here, drawn.notes)) if drawn else ())
         else:
             readers = import_module("fenics_contact.spatial.readers")
             read = readers.read_blocks(path, unit)
@@ -256,6 +256,13 @@ def _made(given: dict[str, Any], folder: Path, in_plane: bool) -> ReadBlocks:
         require(bool(chosen), text)
         blocks = tuple(replace(b, **change) if {b.name, b.group} & chosen else b for b in blocks)
     return read._replace(blocks=blocks)
+
+
+def _here(note: str) -> str:
+    """A note on a drawing, with what works in place of options that a table has not."""
+    note = note.replace("--unit ", "blocks.unit = ")
+    way = " (options of `fenics-contact mesh`; here freeze layers that are no stones)"
+    return note + way * (" --" in note)
 
 
 def _drawn(drawing: Drawing) -> ReadBlocks:

@@ -48,14 +48,14 @@ def description(scene: BlockScene, structure: Structure) -> str:
     blocks = [
         *([f"file {scene.read}"] if scene.read else []),
         f"{counted(len(moving), 'block')} and {len(structure.blocks) - len(moving)} of ground,"
-        f" volume {volume:.6g} m3, mass {units.mass(mass)}",
+        f" volume {units.bulk(volume, 'm3')}, mass {units.mass(mass)}",
         f"extent {reach([block.extent for block in moving])}",
     ]
     if len(groups) > 1:
         blocks += [f"group {name}: {counted(n, 'block')}" for name, n in groups.items()]
     areas = {key: structure.areas_of(key) for key in scene.laws()}
     touching = {
-        key: f"{counted(len(some), 'contact')}, area {sum(some):.6g} m2"
+        key: f"{counted(len(some), 'contact')}, area {units.bulk(sum(some), 'm2')}"
         for key, some in areas.items()
     }
     on = {

@@ -37,6 +37,11 @@ ROUNDS = 12
 #: Parts of the way to the boundary that Clarabel's steps go, the next one where it stalls.
 STEPS = (0.99, 0.9, 0.8, 0.7)
 
+NO_CLARABEL = (
+    "compressive_strength in space needs clarabel: pip install clarabel; or leave out the"
+    " compressive strengths"
+)
+
 
 def rectangle_of(contact: Contact) -> tuple[Array, Array, Array]:
     """The largest rectangle about the centroid of a contact along one of its sides.
@@ -143,10 +148,7 @@ class Crushing(FurtherLaw):
         try:
             import clarabel
         except ImportError:
-            raise InputError(
-                "compressive_strength in space needs clarabel: pip install clarabel; or leave out"
-                " the compressive strengths"
-            ) from None
+            raise InputError(NO_CLARABEL) from None
         size = model.force
         units = model.shape[0]
         count = len(self.strength)

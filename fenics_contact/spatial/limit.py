@@ -72,8 +72,6 @@ def limit_load(
         InputError: If laws or loads do not fit the blocks.
     """
     start = time.perf_counter()
-    if scene.output.stress:
-        check_requirements()
     structure = structure_of(scene)
     pushed = structure.live[structure.number >= 0]
     require(bool(np.any(pushed)), "loads.live: the live load is zero on every block that moves")
@@ -103,10 +101,11 @@ def structure_of(scene: BlockScene, degree: int = 1) -> Structure:
     Raises:
         InputError: If laws or loads do not fit the blocks.
     """
+    if scene.strained:
+        check_requirements(key=scene.strained)
     structure = scene.structure()
     if not scene.elastic:
         return structure
-    check_requirements()
     strained: Structure = import_module(STRAINS).with_strains(scene, structure, degree)
     return strained
 
@@ -238,7 +237,6 @@ def standing(scene: BlockScene, load_factor: float = 0.0) -> BlockLimitLoad:
     structure = structure_of(scene, degree=2)
     found = state_of(structure, load_factor)
     if scene.output.stress:
-        check_requirements()
         parts: dict[str, Any] = {
             "structure": structure,
             "search": FaceSearch(structure.face_model(), 1.0),

@@ -171,12 +171,17 @@ class BlockScene(OfFile):
                 ("tensile_strength", crushes, "joints that crush carry none; leave it out"),
             ):
                 require(not wrong, f"{key}.{name}: {text}")
-        for key, given in (("output.stress", self.output.stress), ("blocks.elastic", self.elastic)):
-            quick = given and self.solve.quick
-            require(not quick, f"{key}: needs forces all over contacts; no solve.quick")
+        quick = self.strained and self.solve.quick
+        require(not quick, f"{self.strained}: needs forces all over contacts; no solve.quick")
         text = "blocks.elastic: is of scenes in space; blocks with a [mesh] strain in the plane"
         require(not (self.elastic and "plane" in self.kinds), text)
         self.check_loads()
+
+    @property
+    def strained(self) -> str:
+        """Keys by which blocks have finite elements; empty where they have none."""
+        asked = {"output.stress": self.output.stress, "blocks.elastic": self.elastic}
+        return ", ".join(key for key, given in asked.items() if given)
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -106,6 +106,9 @@ class Sweep(Sequence[Point]):
         elif worst is not None:
             load = f" ({worst.load})" * bool(worst.load)
             found = f", lowest load factor {worst.least:.8g}{load} at {worst.place}"
+        fallen = [p.place for p in self if p.status in ("unstable", "no_equilibrium")]
+        more = f" and {len(fallen) - 1} more" * (len(fallen) > 1)
+        found += f", does not stand at {fallen[0]}{more}" if fallen else ""
         starts = [point for point in self if math.isfinite(point.start)]
         first = min(starts, key=lambda point: point.start, default=None)
         if worst and first and not worst.start <= first.start:

@@ -31,7 +31,7 @@ JAMMED = {
 
 #: Changes of the scene, mesh, words that the page must have.
 SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
-    "limit": ({}, "block", ["0.30000", "1 of 1 block move", "1 slide while closed"]),
+    "limit": ({}, "block", ["0.30000", "1 of 1 block move", "1 slides while closed"]),
     "unbounded": (
         {"loads.live.body": [0.0, -9.81]},
         "block",
@@ -391,7 +391,7 @@ def test_how_many_blocks_move_and_turn(folder, capsys):
     moves |= {"moving": [0, 1, 3], "turning": [], "parting": 1, "rocking": 0, "sliding": 2}
     text = Page(report_page(Content(record))).text
     assert "3 of 4 blocks move, none turn. Of" in text
-    assert "joints 1 open over their whole length and 2 slide while closed." in text
+    assert "joints 1 opens over the whole length and 2 slide while closed." in text
     moves |= {"moving": [1], "turning": [1], "parting": 0, "sliding": 0}
     text = Page(report_page(Content(record))).text
     assert "1 of 4 blocks move, 1 turn. Of" in text

@@ -57,7 +57,7 @@ def test_without_weasyprint_one_line_and_no_file(solved, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "weasyprint", None)
     found = run_here(["report", "scene", *OPTIONS], capsys)
     assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
-    assert "--pdf needs WeasyPrint" in found.err and "'weasyprint'" in found.err
+    assert "--pdf needs WeasyPrint" in found.err and "pip install weasyprint" in found.err
     assert not (solved / "report.html").exists() and not (solved.parent / "wall.pdf").exists()
 
 

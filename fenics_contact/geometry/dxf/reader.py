@@ -110,7 +110,7 @@ def visible_entities(path: Path, unit: str | None) -> Iterator[tuple[Entities, s
     try:
         document = _open_dxf(path)
         known = unit or DXF_UNITS.get(document.units) or ""
-        text = f"does not say its unit; give one of {', '.join(UNITS)}, as in --unit mm"
+        text = f"does not say its unit; give one of {', '.join(UNITS)}: --unit mm (or blocks.unit)"
         require(known in UNITS, f"{source} {text}")
         yield Entities(document, source), known, said
     finally:

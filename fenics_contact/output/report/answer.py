@@ -247,12 +247,12 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     yield f"{moving} of {counted(total, 'block')} move, {len(moves['turning']) or 'none'} turn."
     contacts = moves["contacts"]
     counted_as = {
-        "open over their whole length": moves["parting"],
-        "open over a part of it (the blocks rock there)": moves["rocking"],
-        "slide while closed": moves["sliding"],
-        "crush": contacts["states"]["crushes"],
+        "open{} over the whole length": moves["parting"],
+        "open{} over a part of it (the blocks rock there)": moves["rocking"],
+        "slide{} while closed": moves["sliding"],
+        "yield{} by crushing": contacts["states"]["crushes"],
     }
-    joints = [f"{count} {words}" for words, count in counted_as.items() if count]
+    joints = [f"{n} {words.format('s' * (n == 1))}" for words, n in counted_as.items() if n]
     *first, last = joints or ["none opens or slides"]
     what = f"{', '.join(first)} and {last}" if first else last
     yield f"Of {counted(moves['joints'], 'joint')} {what}."

@@ -79,7 +79,8 @@ CURVES = {
 ROWS, MOST_ROWS = 30, 1000
 NO_WRITER = (
     "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
-    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
+    " install weasyprint) or `pip install weasyprint`, or leave --pdf out and print the HTML page"
+    " from a browser"
 )
 
 #: A part of the page, as HTML.
@@ -232,16 +233,15 @@ def structure(content: Content) -> Iterator[str]:
     stones = scene["materials"].items()
     rows = [(name, material_text(one, gravity_of(scene), units)) for name, one in stones]
     yield table(rows, title="Materials")
-    groups = [
-        (one["group"], one["blocks"], f"{one['volume']:.4g}") for one in scene.get("groups", ())
-    ]
-    yield table(groups, ("group", "blocks", "volume, m3"), "Groups")
+    parts = scene.get("groups", ())
+    groups = [(one["group"], one["blocks"], units.bulk(one["volume"], "m3", 4)) for one in parts]
+    yield table(groups, ("group", "blocks", "volume"), "Groups")
     laws = []
     for kind in ("joint", "foundation"):
         found = {at["group"]: at for at in scene["contacts"] if at["kind"] == kind}
         for name, law in scene[f"{kind}s"].items():
             *_, count, extent = found.get(name, {"none": 0, "at all": 0.0}).values()
-            many = units.length(extent, 4) if "area" in size else f"{extent:.4g} m2"
+            many = units.length(extent, 4) if "area" in size else units.bulk(extent, "m2", 4)
             laws.append((f"{kind} {name}", law_text(law, units), count, many))
     where = ("joint points", "length") if "area" in size else ("contacts", "area")
     yield table(laws, ("", "law", *where), "Where the blocks touch")
@@ -491,7 +491,9 @@ def computation(content: Content) -> Iterator[str]:
         yield heading("What was left out", 3)
         yield bullets(record["skipped"])
     named = {"fenics-contact": record["version"], **record["versions"]}
-    yield table([(k, version or "not known") for k, version in named.items()], title="Versions")
+    used = "area" in record["scene"]["size"] or record["scene"]["output"].get("stress")
+    lacking = "not known" if used else "not used"
+    yield table([(k, version or lacking) for k, version in named.items()], title="Versions")
 
 
 #: Parts of the page in their order, each of which begins with its heading, and their classes:
