@@ -237,10 +237,8 @@ def standing(scene: BlockScene, load_factor: float = 0.0) -> BlockLimitLoad:
     structure = structure_of(scene, degree=2)
     found = state_of(structure, load_factor)
     if scene.output.stress:
-        parts: dict[str, Any] = {
-            "structure": structure,
-            "search": FaceSearch(structure.face_model(), 1.0),
-        }
+        search = FaceSearch(structure.face_model(), 1.0)
+        parts: dict[str, Any] = {"structure": structure, "search": search}
         found = _answered(scene, found, parts)
     total = {"total": time.perf_counter() - start}
     return BlockLimitLoad(scene, structure, {"positive": found}, total)

@@ -21,6 +21,7 @@ from fenics_contact.scene.scene import OutputOptions
 from fenics_contact.scene.toml_tables import is_of_blocks
 from fenics_contact.spatial import prism
 from fenics_contact.spatial.block_tables import prisms
+from fenics_contact.spatial.check import description
 from fenics_contact.sweeps.sweep import sweep
 from tests.bank import WALLS, coulomb, wall_recipe
 from tests.quick import quick
@@ -190,6 +191,8 @@ def test_places_have_two_numbers(tmp_path):
     ("changes", "text"),
     [
         ({"loads": {"live": {"body": [9.81, 0.0, 0.0]}}}, "loads.live.body = .* two numbers"),
+        ({"loads": {"live": {"direction": [1, 0, 0]}}}, "loads.live.direction = .* two numbers"),
+        ({"output": {"stress": True}}, "output.stress is of scenes in space; leave it out"),
         ({"blocks": {"a": {"polygon": [[0, 0], [1, 1], [1, 0], [0, 1]]}}}, "block 'a' has no area"),
         ({"blocks": {"a": {"polygon": [[0, 0], [1, 1]]}}}, "block 'a' needs at least three"),
         ({"blocks": {"builder": "wal"}}, "'wal' must be one of 'facade'"),
@@ -246,6 +249,57 @@ def test_a_drawing_is_read_without_a_mesh(tmp_path):
     scene = scene_of(tmp_path, blocks={"file": "stack.dxf", "unit": "mm"})
     assert [block.name for block in scene.blocks] == ["stone_1", "cap_1"]
     assert rigid.limit_load(scene).load_factor == pytest.approx(0.3, rel=1e-6)
+
+
+def test_layers_that_are_guessed_name_what_works_here(tmp_path):
+    stones = [([[0, 0], [1, 0], [1, 1], [0, 1]], "a"), ([[0, 1], [1, 1], [1, 2], [0, 2]], "b")]
+    write_dxf(tmp_path / "stack.dxf", stones)
+    scene = scene_of(tmp_path, blocks={"file": "stack.dxf", "unit": "m"})
+    (note,) = (note for note in scene.notes if "--voids" in note)
+    assert note.endswith("here freeze layers that are no stones)")
+
+
+def test_a_result_has_bounds_and_says_where_other_values_are(tmp_path):
+    result = rigid.limit_load(scene_of(tmp_path))
+    assert result.bounds == result.positive.bounds and result.residuals["equilibrium"] < 1e-6
+    with pytest.raises(AttributeError, match=r"'mode'; result\.positive\.mode is there"):
+        _ = result.mode
+
+
+@pytest.mark.parametrize("thickness", [0.6, None])
+def test_volume_and_mass_are_of_the_same_thickness(tmp_path, thickness):
+    scene = replace(scene_of(tmp_path), thickness=thickness)
+    text = description(scene, scene.structure())
+    volume = sum(block.volume for block in scene.blocks) * (thickness or 1.0)
+    per = "" if thickness else " per metre of thickness"
+    assert f"volume {volume:.6g} m3{per}, mass {volume * 2000:.4g} kg{per}" in text
+
+
+@pytest.mark.parametrize("way", [[-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])
+def test_a_direction_is_told_as_the_key_of_its_angle(tmp_path, way):
+    box = {"stone": {"box": [[0, 0, 0], [1, 1, 1]]}}
+    loads = {"dead": {"body": [0.0, 0.0, -9.81]}, "live": {"direction": way}}
+    result = rigid.limit_load(scene_of(tmp_path, dimension=3, blocks=box, loads=loads))
+    assert f"at {225 if way[1] < 0.0 else 135} degrees from +x towards +y" in result.summary()
+
+
+def test_a_sweep_tells_where_it_does_not_stand(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        """[blocks]
+base = { polygon = [[0, 0], [1, 0], [1, 1], [0, 1]], fixed = true }
+top = { polygon = [[0, 1], [1, 1], [1, 2], [0, 2]] }
+[materials.default]
+density = 2000.0
+[joints.default]
+friction = 0.4
+[loads]
+dead.body = [3.2, -9.81]
+live.body = [9.81, 0.0]
+"""
+    )
+    found = sweep(path, {"joints.default.friction": [0.3, 0.4]})
+    assert "at 0.4, does not stand at 0.3" in repr(found)
 
 
 def test_files_have_components_of_the_plane(tmp_path):

@@ -107,6 +107,23 @@ def test_blocks_without_a_mesh_need_what_pip_installs(scene, tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
+def test_the_way_without_dolfinx_is_named(tmp_path):
+    path = tmp_path / "scene.toml"
+    common = "[materials.default]\ndensity = 2000.0\n[joints.default]\nfriction = 0.4\n"
+    path.write_text(f"{SPACE}{common}compressive_strength = 1e6\n[output]\nstress = true\n")
+    lost = f"{FENICSX},gmsh,clarabel"
+    wall = str(ROOT / "demos" / "03_wall_w3.toml")
+    done = run_without(lost, COMMAND_LINE, "check", wall)
+    assert done.stderr.strip().endswith(
+        '[blocks] file = "wall.msh" or "wall.dxf" in place of [mesh]'
+    )
+    done = run_without(lost, COMMAND_LINE, "check", str(path))
+    assert done.returncode == 0 and "leave out output.stress" in done.stdout
+    assert "warning: compressive_strength in space needs clarabel" in done.stdout
+    done = run_without(lost, COMMAND_LINE, "solve", str(path), "-o", f"{tmp_path}/out")
+    assert done.returncode == 2 and "leave out output.stress" in done.stderr
+
+
 @pytest.mark.parametrize("lost", ["numpy", "scipy", "matplotlib,shapely"])
 @pytest.mark.parametrize("more", ["", f",{FENICSX}"])
 def test_commands_say_what_pip_installs(lost, more):
