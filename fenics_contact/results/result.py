@@ -551,7 +551,7 @@ class ByDirection(ABC):
                     found = {n: end.answers.get(kind.name) for n, end in self.limits.items()}
                     return {n: one.value for n, one in found.items() if one is not None}
                 return None if self.collapse is None else getattr(self.collapse, kind.name)
-        of_end = f"; result.positive.{name} is there" if hasattr(Collapse, name) else ""
+        of_end = f"; result.positive.{name} is there" if name in dir(Collapse) else ""
         raise AttributeError(f"a result has no '{name}'{of_end}")
 
     @property
