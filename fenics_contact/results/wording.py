@@ -279,7 +279,7 @@ def state_in_words(status: str, at: str, reason: str, proved: bool) -> str:
     What its blocks do is behind a colon in the reason.
     """
     if status == "equilibrium":
-        return f"it stands {at} (verified)"
+        return f"it stands {at} (verified{f'; {reason}' * bool(reason)})"
     if status == "not_converged":
         return f"not known whether it stands {at}: {reason}"
     if not proved:

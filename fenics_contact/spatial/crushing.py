@@ -34,6 +34,8 @@ from fenics_contact.spatial.points import polygon_centroid
 
 #: Pairs of programs at most.
 ROUNDS = 12
+#: Strengths of contacts over a typical force that programs know at most: beyond it digits are lost.
+STRONG = 1e7
 #: Parts of the way to the boundary that Clarabel's steps go, the next one where it stalls.
 STEPS = (0.99, 0.9, 0.8, 0.7)
 
@@ -114,26 +116,30 @@ class Crushing(FurtherLaw):
 
     def at_strength(self, normal: Array, part: float, nothing: float) -> Flags:
         """Which contacts carry a part of what they can, and more than next to nothing."""
-        force, most = self._strengths(normal)
+        force, *sides = self._sides(normal)
+        most = np.cbrt(self.strength * np.prod(np.maximum(sides, 0.0), axis=0))
         return np.asarray((force > part * most) & (force > nothing * force.max()))
 
-    def _strengths(self, normal: Array) -> tuple[Array, Array]:
-        """N of all contacts and what they carry at most, (f_c u v)^(1/3), N, by pressing forces."""
+    def _sides(self, normal: Array) -> tuple[Array, Array, Array]:
+        """N of all contacts, and the largest u and v over b and h, times N; by pressing forces."""
         force, first, second = (self.resultants @ normal).reshape(-1, 3).T
-        sides = np.maximum(force - np.abs([first, second]), 0.0)
-        return force, np.cbrt(self.strength * np.prod(sides, axis=0))
+        return force, force - np.abs(first), force - np.abs(second)
 
     def miss(self, normal: Array) -> float:
-        """By how much N is too large at most, N: N^3 <= f_c u v; of pressing forces of points."""
-        force, most = self._strengths(normal)
-        return float(np.max(force - most))
+        """The least d with N^3 <= f_c b h (u + d) (v + d) on all contacts, N; of points' forces.
+
+        By so much moments over half sides are too large: near an edge the force itself says little.
+        """
+        force, u, v = self._sides(normal)
+        least = np.hypot(u - v, 2.0 * np.sqrt(np.maximum(force, 0.0) ** 3 / self.strength))
+        return float(np.max(0.5 * (least - u - v)))
 
     def limit(
         self, model: FaceModel, strength: Array, friction: Array, cost: Array
     ) -> tuple[float, Array, Array, float]:
         """The least cost . n - lambda of a model.
 
-        Unknowns are lambda, forces of units, and u and v, all over the typical force.
+        Unknowns are forces of the live load and of units, u and v, over the typical force.
 
         Returns:
             Lambda, forces of units, the multipliers of equilibrium, which are motions, and the most
@@ -150,6 +156,7 @@ class Crushing(FurtherLaw):
         except ImportError:
             raise InputError(NO_CLARABEL) from None
         size = model.force
+        unit = size / model.load  # of lambda
         units = model.shape[0]
         count = len(self.strength)
         each = sp.identity(count)
@@ -162,7 +169,7 @@ class Crushing(FurtherLaw):
         disc = sp.diags(np.column_stack([friction, np.ones((units, 2))]).ravel())
         corner = np.eye(4)[:, :, None]
         rows = [
-            [model.live[:, None] / size, model.transposed, None, None],
+            [model.live[:, None] / model.load, model.transposed, None, None],
             [None, -pressing[presses], None, None],
             *([None, -force - turn * first, each, None] for turn in (-1.0, 1.0)),
             *([None, -force - turn * second, None, each] for turn in (-1.0, 1.0)),
@@ -170,7 +177,8 @@ class Crushing(FurtherLaw):
             [None, -sp.kron(force, corner[3]), *(-sp.kron(each, corner[k]) for k in (0, 1))],
         ]
         bound = np.outer(strength / size, [1.0, 0.0, 0.0])
-        power = np.outer(self.strength / size, corner[2]) + np.outer(at_rest, corner[3])
+        most = np.minimum(self.strength / size, STRONG)
+        power = np.outer(most, corner[2]) + np.outer(at_rest, corner[3])
         sides = [
             -model.dead / size,
             np.zeros(np.count_nonzero(presses)),
@@ -180,7 +188,7 @@ class Crushing(FurtherLaw):
         ]
         weights = np.zeros(1 + 3 * units + 2 * count)
         weights[0] = -1.0
-        weights[1 : 1 + 3 * units : 3] = cost * size
+        weights[1 : 1 + 3 * units : 3] = cost * size / unit
         cones = [
             clarabel.ZeroConeT(len(model.live)),
             clarabel.NonnegativeConeT(np.count_nonzero(presses) + 4 * count),
@@ -198,8 +206,8 @@ class Crushing(FurtherLaw):
             if str(found.status) in ("Solved", "AlmostSolved"):
                 unknowns = np.array(found.x)
                 forces = unknowns[1 : 1 + 3 * units].reshape(-1, 3) * size
-                motion = np.array(found.z)[: len(model.live)] / size
-                return float(unknowns[0]), forces, motion, -float(found.obj_val_dual)
+                motion = np.array(found.z)[: len(model.live)] / model.load
+                return unit * float(unknowns[0]), forces, motion, -unit * float(found.obj_val_dual)
         raise SolverError(f"Clarabel ended with {found.status}")
 
     def part(self, model: FaceModel, given_force: Array) -> tuple[float, Array, Array]:

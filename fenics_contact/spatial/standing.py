@@ -8,6 +8,7 @@ as in the plane (`collapse.service_state`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -28,6 +29,9 @@ from fenics_contact.spatial.certificate import held_against
 from fenics_contact.spatial.result import named
 from fenics_contact.spatial.structure import Structure
 
+#: That a movement of the ground is not in a state.
+UNMOVED = "not with the ground moved: no such state was found"
+
 
 @lru_cache(maxsize=1)
 def state_of(structure: Structure, load_factor: float = 0.0) -> Collapse:
@@ -45,15 +49,22 @@ def state_of(structure: Structure, load_factor: float = 0.0) -> Collapse:
     if fall := falling(structure, model, load_factor):
         return _fallen(structure, nothing, fall, "")
     elastic = structure.strained_model(model) or model
-    state = _from_rest(elastic, 0.0)  # what only the live load holds falls before
+    # Ground as it moves; as drawn, if there is no state else. What only the live load holds falls.
+    models = [(elastic, "")]
+    if elastic.offset is not None:
+        models.append((replace(elastic, offset=None), UNMOVED))
+    state, told = _from_rest(models, 0.0)
     if state is not None and load_factor:
-        state = _along_path(structure, load_factor) or _from_rest(elastic, load_factor)
+        path = _along_path(structure, load_factor)
+        state, told = (path, "") if path else _from_rest(models, load_factor)
     if state is None:
         return replace(nothing, status="no_equilibrium", reason=NOT_KNOWN)
     nothing = replace(
         nothing, attempts=(replace(tried, outcome=f"a state with gap {state.gap:.1e}", found=True),)
     )
     found = held_against(structure, nothing, state.force)
+    if found.status == "equilibrium":
+        found = replace(found, reason=told)
     law = structure.pressed
     if law is not None and found.certificate and law.key in found.certificate.failures:
         with suppress(SolverError):
@@ -76,12 +87,14 @@ def _along_path(structure: Structure, load_factor: float) -> FaceIterate | None:
     return state_at(structure.strained_model(model, sign) or model, abs(load_factor))
 
 
-def _from_rest(model: FaceModel, load_factor: float) -> FaceIterate | None:
-    """The state under loads from rest; from ground that has not moved, if there is none else."""
-    state = state_under(model, load_factor)
-    if state is None and model.offset is not None:
-        state = state_under(replace(model, offset=None), load_factor)
-    return state
+def _from_rest(
+    models: Sequence[tuple[FaceModel, str]], load_factor: float
+) -> tuple[FaceIterate | None, str]:
+    """The state under loads from rest of the first model that has one, and what is told of it."""
+    for model, told in models:
+        if state := state_under(model, load_factor):
+            return state, told
+    return None, ""
 
 
 def _fallen(structure: Structure, found: Collapse, fall: tuple[int, ...], does: str) -> Collapse:

@@ -374,6 +374,8 @@ class Structure:
         """1 / (2 L f_c) of faces in the plane, see `faces.model`; 0 in space, see `crushing`."""
         kappa = np.zeros(len(self.areas))
         if self.dimension == 2:
-            strength = self.areas[: self.faces] * self.of_points("compressive_strength")[::2]
-            kappa[: self.faces][self.limited] = 0.5 / strength[self.limited]
+            strength = self.of_points("compressive_strength")[::2][self.limited]
+            kappa[: self.faces][self.limited] = 0.5 / (
+                self.areas[: self.faces][self.limited] * strength
+            )
         return kappa

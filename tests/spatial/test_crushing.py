@@ -58,6 +58,23 @@ def test_wall_turns_about_a_hinge_inside():
     assert found.load_factor == pytest.approx((0.2 - weight / strength) / 0.8, rel=1e-4)
 
 
+@pytest.mark.parametrize("size", [1e-4, 1e6])
+def test_size_of_the_live_load_and_huge_strengths_change_nothing(size):
+    """A column under a force: the same force; and next to the width over the height at 1e13 Pa."""
+    blocks = [
+        Block((Polyhedron.box([0.0, 0.0, z], [WIDTH, DEPTH, z + 1.0]),), f"stone_{z:g}")
+        for z in (0.0, 1.0)
+    ]
+    for strength, tall in ((3.0 * PRESSURE, 2.0 / 3.0), (1e13, 1.0)):
+        scene = scene_of(blocks, strength, (1.0, 0.0))
+        scene = replace(scene, live=Load(body=(9.81 * size, 0.0, 0.0)))
+        found = limit_load(scene)
+        assert found.status == "limit"
+        expected = tall * WIDTH / HEIGHT  # lambda H = b - W / (h f_c)
+        assert size * found.load_factor == pytest.approx(expected, rel=2e-4)
+        assert found.collapse.residuals["crushing"] < 1e-7
+
+
 def test_rectangle_in_a_polygon():
     frame = np.eye(3)[[2, 0, 1]]
     square = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], dtype=float)
