@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact import Load, Material, Tie
-from fenics_contact.builders import BridgeParts, bridge, facade
+from fenics_contact.builders import bridge, facade
 from fenics_contact.drawing import Drawing
 from tests.bank import GRAVITY, LEFTWARDS, PUSH, Recipe, coulomb, drawn_recipe, rectangle
 from tests.structures import rubble
@@ -129,7 +129,7 @@ def floor_ties(drawing: Drawing, strength: float) -> dict[str, Tie]:
 
 def three_spans() -> Drawing:
     """A bridge of three arches."""
-    return bridge(6.0, 2.0, 0.5, 21, 3, BridgeParts(pier=(1.8, 3.0), cover=0.5, parapet=0.6))
+    return bridge(6.0, 2.0, 0.5, 21, 3, pier=(1.8, 3.0), cover=0.5, parapet=0.6)
 
 
 def tower() -> Drawing:

@@ -1,14 +1,12 @@
 """Facades, bridges, walls: a short way to `fenics_contact.geometry.builders`."""
 
 from fenics_contact.geometry.builders import (
-    BridgeParts,
     bridge,
     facade,
     retaining_wall,
 )
 
 __all__ = [
-    "BridgeParts",
     "bridge",
     "facade",
     "retaining_wall",

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import Voronoi, cKDTree
 
-from fenics_contact.builders import BridgeParts, bridge
+from fenics_contact.builders import bridge
 from fenics_contact.drawing import Drawing, read_dxf
 
 #: Two storeys of 383 stones of several sizes, with windows, lintels, an arched door, a buttress.
@@ -27,7 +27,7 @@ def facade() -> Drawing:
 @cache
 def arch_wall() -> Drawing:
     """A segmental arch of 17 voussoirs in a wall with a parapet."""
-    return bridge(3.0, 1.0, 0.35, 17, parts=BridgeParts(pier=(1.2, 2.0), cover=0.5, parapet=0.5))
+    return bridge(3.0, 1.0, 0.35, 17, pier=(1.2, 2.0), cover=0.5, parapet=0.5)
 
 
 def gable(bricks: int = 8, courses: int = 11) -> list[list[float]]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import check_types, checked, require
+from fenics_contact.errors import checked, require
 from fenics_contact.geometry.meshing import Drawing, blocks_between
 from fenics_contact.geometry.planar_cells import Array
 
@@ -128,27 +128,6 @@ def _levels(low: float, height: float, course: float) -> list[float]:
     return [low, *(low + height * (k + 1) / count for k in range(count))]
 
 
-@dataclass(frozen=True)
-class BridgeParts:
-    """Parts of a bridge besides its arches.
-
-    Attributes:
-        rings: Number of rings, one on the other, each as thick as the first.
-        pier: Width and height of piers and abutments, m; of no height, the arches spring from the
-            ground.
-        cover: Height of the spandrels over the crown, m.
-        parapet: Height of the parapet, m; 0 for none.
-    """
-
-    rings: int = 1
-    pier: Pair = (1.5, 2.0)
-    cover: float = 0.3
-    parapet: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-
-
 @checked
 def bridge(
     span: float,
@@ -156,7 +135,11 @@ def bridge(
     ring: float,
     voussoirs: int = 15,
     spans: int = 1,
-    parts: BridgeParts | None = None,
+    *,
+    rings: int = 1,
+    pier: Pair = (1.5, 2.0),
+    cover: float = 0.3,
+    parapet: float = 0.0,
 ) -> Drawing:
     """A bridge of segmental arches on piers, with spandrels of upright blocks up to a level road.
 
@@ -174,23 +157,26 @@ def bridge(
         ring: Thickness of a ring, m.
         voussoirs: Number of blocks along a ring.
         spans: Number of arches.
-        parts: The other sizes.
+        rings: Number of rings, one on the other, each as thick as the first.
+        pier: Width and height of piers and abutments, m; of no height, the arches spring from the
+            ground.
+        cover: Height of the spandrels over the crown, m.
+        parapet: Height of the parapet, m; 0 for none.
     """
-    parts = parts or BridgeParts()
-    require(min(voussoirs, spans, parts.rings) >= 1, "bridge: give one of each part at least")
+    require(min(voussoirs, spans, rings) >= 1, "bridge: give one of each part at least")
     require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
-    require(parts.cover > 0.0, "bridge: the cover must be positive")
-    require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
-    require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
+    require(cover > 0.0, "bridge: the cover must be positive")
+    require(parapet >= 0.0, "bridge: the parapet must be 0 or more")
+    require(pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
     radius = 0.5 * (0.25 * span**2 / rise + rise)
     half = np.arctan2(0.5 * span, radius - rise)
     angles = np.linspace(-half, half, voussoirs + 1)
     ray = np.column_stack([np.sin(angles), np.cos(angles)])
     centre = (0.5 * span, rise - radius)
-    curves = [(radius + above) * ray + centre for above in ring * np.arange(parts.rings + 1)]
-    road = float(curves[-1][:, 1].max()) + parts.cover
+    curves = [(radius + above) * ray + centre for above in ring * np.arange(rings + 1)]
+    road = float(curves[-1][:, 1].max()) + cover
     drawn = _Parts()
-    wide, high = parts.pier
+    wide, high = pier
     for k in range(spans):
         arches = [np.add(curve, (k * (span + wide), 0.0)) for curve in curves]
         for lower, upper in itertools.pairwise(arches):
@@ -217,9 +203,9 @@ def bridge(
         if not tip:
             drawn.add("spandrels", _box(top, (level, road)))
     sides = (-wide, spans * (span + wide))
-    top_level = road + parts.parapet
-    if parts.parapet > 0.0:
-        drawn.course("parapets", sides, (road, top_level), 2.0 * parts.parapet, 0)
+    top_level = road + parapet
+    if parapet > 0.0:
+        drawn.course("parapets", sides, (road, top_level), 2.0 * parapet, 0)
     return drawn.framed(_box(sides, (-high, top_level)))
 
 

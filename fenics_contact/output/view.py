@@ -259,12 +259,14 @@ def planar(blocks: BlockView, known: bool, **more: Any) -> View:
     body, forces = (_flat(blocks.loads.get(name)) for name in LIVE)
     lines = Lines(at.ends, motion[..., ::2], blocks.contacts.state)
     lines = lines._replace(crushes=np.flatnonzero(at.crushes))
+    rocks = np.flatnonzero(blocks.contacts.state == ContactState.ROCKS)
+    closed = np.argmin(np.linalg.norm(sides[1] - sides[0], axis=2), axis=1)[rocks]
     given: dict[str, Any] = {
         "motion": blocks.displacement[corners, ::2],
         "materials": bodies.group_names,
         "material": bodies.group,
         "lines": lines,
-        "hinges": np.empty((0, 2, 2)),
+        "hinges": np.stack([at.ends, motion[..., ::2]], axis=2)[rocks, closed],
         "live": Loads(NOWHERE, forces, body),
         "marked": np.array(blocks.marked, dtype=np.int64) if blocks.marked else None,
     }

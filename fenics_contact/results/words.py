@@ -368,10 +368,12 @@ def parts_in_words(
         alike.setdefault((part.place, part.motion, part.name), []).append(part)
     for (place, motion, called), those in list(alike.items())[:NAMED]:
         blocks = [block for one in those for block in one.blocks]
+        plural = len(those) > 1
         if len(blocks) == total and len(those) == 1:
             name = "the whole structure" if total > 1 else "the block"
         elif called and len(those) == 1:
             name = f"{called} ({counted(len(blocks), 'block')})"
+            plural = called.endswith("s") and " part of " not in called
         elif len(blocks) == 1:
             label = those[0].of or blocks[0]
             name = f"the {place} block ({label})" if place else f"block {label}"
@@ -379,8 +381,9 @@ def parts_in_words(
             name = f"the {place or 'main'} part ({len(blocks)} blocks{those[0].of})"
         else:
             name = f"{len(those)} {f'{place} ' * bool(place)}parts"
-            verb, _, way = motion.partition(" ")
-            way = way.replace("its ", "their ").replace(" corner", " corners")
+            motion = motion.replace(" corner", " corners")
+        if plural:
+            verb, _, way = motion.replace(" its ", " their ").partition(" ")
             motion = f"{verb.removesuffix('s')} {way}"
         told.append(f"{name} {motion}")
     rest = others + sum(map(len, list(alike.values())[NAMED:]))

@@ -165,7 +165,7 @@ def require_fit(key: str, value: Any, kind: Any, scene: Collection[str]) -> None
             if is_of(item, scene) and given != item.default:
                 require_fit(inner, given, types_of(type(value))[item.name], scene)
             elif given and given != item.default:
-                cure = "heights in the plane are y" if item.name == "z" else "leave it out"
+                cure = {"z": "give y", "y": "give z"}.get(item.name, "leave it out")
                 raise InputError(f"{inner} is {OF[item.metadata['of']]}; {cure}")
     elif isinstance(value, Mapping):
         for name, one in value.items():

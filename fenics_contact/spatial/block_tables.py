@@ -285,7 +285,11 @@ def _built_in_plane(name: str, given: Mapping[str, Any]) -> ReadBlocks:
             tuple(_moved(block, lambda corners: corners + MIDDLE) for block in blocks)
         )
     pairs = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
-    return _drawn(called(name, getattr(builders, name), pairs))
+    abutments = pairs.pop("abutments", True) if name == "bridge" else False
+    check_type("blocks.abutments", abutments, bool)
+    read = _drawn(called(name, getattr(builders, name), pairs))
+    abutted = import_module("fenics_contact.spatial.builders").abutted
+    return read._replace(blocks=abutted(read.blocks)) if abutments else read
 
 
 def built(name: str, given: Mapping[str, Any]) -> tuple[Block, ...]:

@@ -20,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import InputError, checked, require
-from fenics_contact.geometry.builders import BridgeParts
 from fenics_contact.geometry.builders import bridge as section
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.spatial.contacts import clipped
@@ -453,7 +452,7 @@ def viaduct(
         InputError: If lengths or numbers make no bridge.
     """
     _check_more("width", width, 2.0 * spandrel)
-    drawn = section(span, rise, ring, voussoirs, spans, BridgeParts(pier=pier, cover=cover))
+    drawn = section(span, rise, ring, voussoirs, spans, pier=pier, cover=cover)
     whole = np.linspace(0.0, width, strips + 1)
     shifted = np.array([0.0, *(0.5 * (whole[1:] + whole[:-1])), width]) if strips > 1 else whole
     walled = np.array([0.0, spandrel, width - spandrel, width])
@@ -464,15 +463,19 @@ def viaduct(
             group = "fill" if (name, strip) == ("spandrels", 2) else name
             solid = Polyhedron.hull([(x, y, z) for y in along for x, z in outline])
             blocks.append(Block((solid,), f"{name[:-1]}_{number}_{strip}", group))
-    if not abutments:
-        return tuple(blocks)
-    ends = -pier[0], spans * (span + pier[0])
+    return abutted(blocks) if abutments else tuple(blocks)
+
+
+def abutted(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """A bridge whose piers at both ends are fixed, with their skewbacks, on ground below all."""
+    low, high = (f([b.extent[k] for b in blocks], axis=0) for k, f in enumerate((np.min, np.max)))
     below = [block for block in blocks if block.group in ("piers", "skewbacks")]
-    held = [_ground((ends[0], 0.0), (ends[1], width), -pier[1])]
-    for k, end in enumerate(("left", "right")):
-        back = {b: b.pieces[0] for b in below if abs(b.extent[k][0] - ends[k]) <= SAME * ends[1]}
+    held = [_ground(low[:2], high[:2], low[2])]
+    for k, (end, x) in enumerate((("left", low[0]), ("right", high[0]))):
+        back = [block for block in below if abs(block.extent[k][0] - x) <= SAME * high[0]]
         blocks = [block for block in blocks if block not in back]
-        held.append(Block(tuple(back.values()), f"abutment_{end}", "ground", True))
+        pieces = tuple(piece for block in back for piece in block.pieces)
+        held.append(Block(pieces, f"abutment_{end}", "ground", True))
     return (*blocks, *held)
 
 

@@ -58,9 +58,12 @@ def description(scene: BlockScene, structure: Structure) -> str:
         key: f"{counted(len(some), 'contact')}, area {units.bulk(sum(some), 'm2')}"
         for key, some in areas.items()
     }
+    at = {
+        key: "" if one.sides else f" at {reach([one.place - one.around, one.place + one.around])}"
+        for key, one in structure.acting.items()
+    }
     on = {
-        key: f"on {one.on}{'' if one.sides else f' at {reach(one.place)}'},"
-        f" resultant {units.forces(resultant(one.force))}"
+        key: f"on {one.on}{at[key]}, resultant {units.forces(resultant(one.force))}"
         for key, one in structure.acting.items()
         if one.on
     }

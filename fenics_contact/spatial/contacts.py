@@ -129,8 +129,8 @@ def checked_contacts(
     found = defaultdict(list)  # measures and numbers of blocks by what is wrong with them
     for one, two in _near_pieces(pieces, thickness, tolerance).tolist():
         first, second = owner[one], owner[two]
-        apart = (fixed[first] and fixed[second]) or (first == second and blocks[first].cut)
-        if apart or pieces[two].under not in (None, pieces[one]):
+        cut = first == second and (fixed[first] or blocks[first].cut)
+        if cut or pieces[two].under not in (None, pieces[one]):
             continue
         thinner = min(thickness[one], thickness[two])
         meetings = _meetings(pieces[one], pieces[two], thinner, tolerance)
@@ -139,6 +139,8 @@ def checked_contacts(
                 kind = "pieces" if kind in ("same", "overlap", "deep") else "within"
             if kind == "contact":
                 contacts.append(Contact(first, second, axes, corners))
+            elif fixed[first] and fixed[second]:
+                continue
             elif kind in edges.KINDS:
                 narrow.append((kind, measure, Contact(first, second, axes, corners)))
             else:
@@ -147,6 +149,8 @@ def checked_contacts(
         told = "doubt" if kind in ("doubt", "unclear") else "edge"
         found[told].append((measure, contact.first, contact.second))
         contacts += [contact] * (kind != "unclear")
+    # Those of two fixed blocks only tell what lies around an edge.
+    contacts = [one for one in contacts if not (fixed[one.first] and fixed[one.second])]
     if bare:
         contacts.sort(key=lambda contact: (contact.first, contact.second))
     carry = {(contact.first, contact.second) for _, _, contact in bare}

@@ -120,6 +120,7 @@ class Acting:
         force: N, shape (forces, 3).
         on: What they act on, in words; empty for body forces.
         sides: Corners of the sides over which each is spread, m; none where they act at places.
+        around: How far each reaches around its place, m, shape (forces, 3).
     """
 
     block: Indices
@@ -127,6 +128,7 @@ class Acting:
     force: Array
     on: str
     sides: Sequence[Array] = ()
+    around: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -353,25 +355,25 @@ def _from_above(key: str, force: Force, blocks: Sequence[Block], near: float) ->
     width = np.append(force.width or 0.0, 0.0)[:2]
     corners = np.vstack([p.corners for b in blocks if not b.fixed for p in b.pieces])
     axles = [
-        (number, place, part * share)
+        (number, place, part * share, around)
         for behind, part in force.axles or ((0.0, 1.0),)
-        for at, share in _spread((first - behind, y), width, corners, near)
+        for at, share, around in _spread((first - behind, y), width, corners, near)
         for number, place in _top_at(at, blocks, near)
     ]
     there = reach_told(corners[:, : len(force.force) - 1])
-    whole = sum(part for *_, part in axles) > 1.0 - SEARCH.digits
+    whole = sum(part for _, _, part, _ in axles) > 1.0 - SEARCH.digits
     text = f"{key}: there is no block above or below ({first:g}, {y:g}), or a part of its width"
     require(whole or bool(force.axles and axles), f"{text}; {there}")
-    numbers, places, parts = zip(*axles, strict=True)
+    numbers, places, parts, around = zip(*axles, strict=True)
     told = "block " + ", ".join(blocks[number].name for number in dict.fromkeys(numbers))
     forces = np.outer(parts, lifted(force.force))
-    return Acting(np.array(numbers), np.array(places), forces, told)
+    return Acting(np.array(numbers), np.array(places), forces, told, around=np.array(around))
 
 
 def _spread(
     place: Sequence[float], width: Array, corners: Array, near: float
-) -> Iterator[tuple[Array, float]]:
-    """Middles of parts of a rectangle around a place, cut at corners of blocks, and their shares.
+) -> Iterator[tuple[Array, float, Array]]:
+    """Middles of parts of a rectangle around a place, cut at corners of blocks, shares and reach.
 
     The first moment of the shares about the place is zero.
     """
@@ -383,7 +385,7 @@ def _spread(
         shares = np.diff(edges) / across if across else [1.0]
         sides.append(list(zip(0.5 * (edges[1:] + edges[:-1]), shares, strict=True)))
     for (x, part), (y, other) in product(*sides):
-        yield np.array([x, y]), float(part * other)
+        yield np.array([x, y]), float(part * other), 0.5 * np.append(width * [part, other], 0.0)
 
 
 def _top_at(plan: Array, blocks: Sequence[Block], near: float) -> Iterator[tuple[int, Array]]:

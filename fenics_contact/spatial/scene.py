@@ -64,6 +64,8 @@ from fenics_contact.spatial.ties import bars_of
 DEPTH = 0.1
 #: Widths, m, and mass, kg, of blocks beyond which they are probably of another unit.
 SMALLEST, WIDEST, HEAVIEST = 5e-3, 50.0, 1e9
+#: Sine of the slope from which on a contact holds a block up.
+UPHOLDS = 0.1
 #: Name of the ground where none is given.
 GROUND = "ground"
 
@@ -277,12 +279,30 @@ class BlockScene(OfFile):
             bars_of(self.ties, blocks, near),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            (*self.notes, *self._odd_sizes(), *warnings, *self._odd_values(laws)),
+            (
+                *(*self.notes, *self._odd_sizes(), *warnings),
+                *(*self._without_ground(blocks, contacts, near), *self._odd_values(laws)),
+            ),
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting={**dead, **live},
             dimension=self.dimension,
             law_of=partial(self._law_between, pairs, blocks),
         )
+
+    def _without_ground(
+        self, blocks: Sequence[Block], contacts: Sequence[Contact], near: float
+    ) -> Iterator[str]:
+        """Blocks that the default ground would carry, were no other block fixed."""
+        levels = np.array([np.inf if b.fixed else lowest(b, self._up) for b in blocks])
+        hangs = levels <= levels.min() + near
+        for one in contacts:
+            slope = float(one.axes[0] @ self._up)
+            hangs[one.second] &= not blocks[one.first].fixed and slope < UPHOLDS
+            hangs[one.first] &= not blocks[one.second].fixed and slope > -UPHOLDS
+        if np.any(hangs) and not self.foundations:
+            lowest_ones = _counted([blocks[k] for k in np.flatnonzero(hangs)])
+            cure = "since other blocks are fixed: give [foundations.NAME]"
+            yield f"no ground is below {lowest_ones} at the lowest level, {cure}"
 
     def _odd_sizes(self) -> Iterator[str]:
         """Blocks of a size that is probably that of another unit."""
@@ -304,10 +324,7 @@ class BlockScene(OfFile):
         yield from unusual_values({**materials, **self.laws()})
         light = [b for b in self.blocks if not (b.fixed or self.material(b).density)]
         if light:
-            names = listed(block.name for block in light[:NAMED])
-            more = ", ..." if len(light) > NAMED else ""
-            what = "have no weight: their material has no density"
-            yield f"{counted(len(light), 'block')} {what} ({names}{more})"
+            yield f"{_counted(light)} without weight: their material has no density"
         arches = {"voussoirs", "vault"} & {block.group for block in self.blocks}
         loaded = self.live.force or self.live.traction
         if arches and loaded and all(law.compressive_strength == np.inf for law in used):
@@ -416,6 +433,13 @@ class BlockScene(OfFile):
             require(ends not in pairs, f"{key} and {pairs.get(ends)} are of the same contacts")
             pairs[ends] = key
         return pairs
+
+
+def _counted(blocks: Sequence[Block]) -> str:
+    """How many blocks there are, and the names of the first."""
+    names = listed(block.name for block in blocks[:NAMED])
+    more = ", ..." if len(blocks) > NAMED else ""
+    return f"{counted(len(blocks), 'block')} ({names}{more})"
 
 
 def read_blocks(tables: Mapping[str, Any], folder: Path) -> ReadBlocks:

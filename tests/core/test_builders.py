@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.builders import BridgeParts, bridge, facade, retaining_wall
+from fenics_contact.builders import bridge, facade, retaining_wall
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.gmsh_mesh import bodies_of_cells, extract
@@ -70,7 +70,7 @@ def test_facade(storeys, bays, sill):
     assert stands(drawing)
 
 
-PLAIN = BridgeParts(pier=(1.5, 2.0))
+PLAIN = {"rings": 1, "pier": (1.5, 2.0), "cover": 0.3, "parapet": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -78,35 +78,35 @@ PLAIN = BridgeParts(pier=(1.5, 2.0))
     [
         (6.0, 1.5, 15, 1, PLAIN),
         (6.0, 3.0, 14, 1, PLAIN),  # a semicircle: no skewbacks
-        (6.0, 1.5, 9, 2, BridgeParts(rings=2, parapet=0.5)),
-        (6.0, 2.0, 9, 3, BridgeParts(pier=(1.5, 0.0), cover=0.5)),
+        (6.0, 1.5, 9, 2, PLAIN | {"rings": 2, "parapet": 0.5}),
+        (6.0, 2.0, 9, 3, PLAIN | {"pier": (1.5, 0.0), "cover": 0.5}),
     ],
 )
 def test_bridge(span, rise, voussoirs, spans, parts):
     ring = 0.4
-    drawing = bridge(span, rise, ring, voussoirs, spans, parts)
+    drawing = bridge(span, rise, ring, voussoirs, spans, **parts)
     radius = 0.5 * (0.25 * span**2 / rise + rise)
     half = np.arctan2(0.5 * span, radius - rise)
-    step, thick = 2.0 * half / voussoirs, parts.rings * ring
+    step, thick = 2.0 * half / voussoirs, parts["rings"] * ring
     count, found = Counter(drawing.names), areas(drawing)
-    assert count["voussoirs"] == spans * parts.rings * voussoirs
+    assert count["voussoirs"] == spans * parts["rings"] * voussoirs
     ring_area = 0.5 * np.sin(step) * ((radius + thick) ** 2 - radius**2)
     assert found["voussoirs"] == pytest.approx(spans * voussoirs * ring_area, rel=1e-12)
     assert count["skewbacks"] == (0 if rise == 0.5 * span else spans + 1)
-    wide, high = parts.pier
+    wide, high = parts["pier"]
     assert found.get("piers", 0.0) == pytest.approx((spans + 1) * wide * high, rel=1e-12)
     total = spans * span + (spans + 1) * wide
-    assert found.get("parapets", 0.0) == pytest.approx(total * parts.parapet, rel=1e-12)
+    assert found.get("parapets", 0.0) == pytest.approx(total * parts["parapet"], rel=1e-12)
     crown = (radius + thick) * np.cos(0.5 * step * (voussoirs % 2)) - radius + rise
     opening = 0.5 * voussoirs * radius**2 * np.sin(step) - 0.5 * span * (radius - rise)
-    box = total * (crown + parts.cover + parts.parapet + high) - spans * span * high
+    box = total * (crown + parts["cover"] + parts["parapet"] + high) - spans * span * high
     assert sum(found.values()) == pytest.approx(box - spans * opening, rel=1e-12)
     lengths = drawing.lengths()
     chord = 2.0 * radius * np.sin(0.5 * step)
     assert lengths["intrados"] == pytest.approx(spans * voussoirs * chord, rel=1e-9)
     assert lengths["springings"] == pytest.approx(4 * spans * thick, rel=1e-9)  # both sides
     assert lengths["base"] == pytest.approx((spans + 1) * wide, rel=1e-9)
-    assert ("rings" in lengths) == (parts.rings > 1)
+    assert ("rings" in lengths) == (parts["rings"] > 1)
     check_mesh(drawing, 0.4)
     assert stands(drawing)
 
@@ -134,9 +134,9 @@ def test_retaining_wall(courses, stones):
         (lambda: facade(block=(0.5, 0.0)), "facade: sizes"),
         (lambda: bridge(6.0, 3.1, 0.4), "bridge: 0 < rise"),
         (lambda: bridge(6.0, 1.5, 0.4, voussoirs=0), "bridge: give one"),
-        (lambda: bridge(6.0, 1.5, 0.4, parts=BridgeParts(cover=0.0)), "bridge: the cover"),
-        (lambda: bridge(6.0, 1.5, 0.4, parts=BridgeParts(parapet=-1.0)), "bridge: the parapet"),
-        (lambda: bridge(6.0, 1.5, 1.0, spans=2, parts=PLAIN), "bridge: piers must be 1.6 m wide"),
+        (lambda: bridge(6.0, 1.5, 0.4, cover=0.0), "bridge: the cover"),
+        (lambda: bridge(6.0, 1.5, 0.4, parapet=-1.0), "bridge: the parapet"),
+        (lambda: bridge(6.0, 1.5, 1.0, spans=2), "bridge: piers must be 1.6 m wide"),
         (lambda: retaining_wall(2.0, 0.5, 0.6), "top at most base"),
         (lambda: retaining_wall(2.0, 1.0, 0.6, stones=0), "retaining_wall: give"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ BASE = {
     "solve": {"fast": True},
 }
 DEAD = {3: {"body": [0.0, 0.0, -9.81]}, 2: {"body": [0.0, -9.81]}}
+LOADS = {d: {"dead": DEAD[d], "live": {"direction": [1.0, 0.0, 0.0][:d]}} for d in DEAD}
 
 
 def factor_of(folder, push, **tables):
@@ -70,11 +73,11 @@ def test_inner_walls_are_toothed_with_outer_ones():
 @pytest.mark.slow
 def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
     """Two spans pushed along the bridge: one load factor in the plane and in space."""
-    sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}
+    sizes: dict[str, Any] = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}
+    sizes |= {"abutments": False}
     rough = {"default": {"friction": 0.6}}
     plane = factor_of(tmp_path, [1.0, 0.0], blocks={"builder": "bridge", **sizes}, joints=rough)
-    free = {"abutments": False, "strips": 2}
-    viaduct = {"builder": "viaduct", "width": 2.0, **free, **sizes}
+    viaduct = {"builder": "viaduct", "width": 2.0, "strips": 2, **sizes}
     space = factor_of(tmp_path, [1.0, 0.0, 0.0], blocks=viaduct, joints=rough)
     assert space == pytest.approx(plane, rel=1e-3)
 
@@ -82,7 +85,13 @@ def test_a_viaduct_is_the_planar_bridge_with_a_width(tmp_path):
 def test_parts_of_a_viaduct(tmp_path):
     """Fill between spandrel walls, sizes, and an axle whose force is told in kN."""
     sizes = {"span": 4.0, "rise": 1.0, "ring": 0.4, "width": 2.0, "voussoirs": 9}
-    blocks = {"builder": "viaduct", "spandrel": 0.5, "abutments": False, **sizes}
+    blocks = {
+        "builder": "viaduct",
+        "spandrel": 0.5,
+        "abutments": False,
+        **sizes,
+        "pier": [1.5, 3.0],
+    }
     on_road = {"axle": {"x": 1.0, "y": 1.2, "force": [0.0, 0.0, -1e5]}}
     loads = {"dead": DEAD[3], "live": {"force": on_road}}
     rough = {"default": {"friction": 0.6}}
@@ -123,6 +132,53 @@ def test_abutments_of_a_viaduct_do_not_move(tmp_path):
     strong = {"default": {"density": 2000.0, "compressive_strength": 5e6}}
     scene = Scene.from_tables({**BASE, **given, "materials": strong}, tmp_path)
     assert not any("crush" in text for text in scene.structure().warnings)
+
+
+def test_a_planar_bridge_has_the_sizes_and_abutments_of_a_viaduct(tmp_path):
+    """Its sizes are plain keys; what is fixed in the plane is what is fixed in space."""
+    sizes: dict[str, Any] = {"span": 4.0, "rise": 1.0, "ring": 0.4, "voussoirs": 9, "spans": 2}
+    sizes |= {"pier": [0.8, 3.0], "cover": 0.4}
+    fixed = []
+    for dimension, own in ((2, {"builder": "bridge"}), (3, {"builder": "viaduct", "width": 1.0})):
+        tables = {
+            "dimension": dimension,
+            "blocks": sizes | own,
+            "loads": LOADS[dimension],
+        }
+        scene = Scene.from_tables({**BASE, **tables}, tmp_path)
+        assert not any("corner" in text for text in scene.structure().warnings)
+        ends = {b.name: np.array(b.extent)[:, [0, 2]].ravel() for b in scene.blocks if b.fixed}
+        fixed.append({name: np.round(extent, 9).tolist() for name, extent in ends.items()})
+        top = max(b.extent[1][2] for b in scene.blocks)
+        assert top == pytest.approx(2.9 * np.cos(np.arcsin(0.8) / 9.0) - 1.5 + 0.4)
+    assert set(fixed[0]) == {"ground", "abutment_left", "abutment_right"}
+    assert fixed[0] == fixed[1]
+    parapets = {
+        "builder": "bridge",
+        "rings": 2,
+        "parapet": 0.5,
+        "abutments": False,
+        **sizes,
+        "pier": [1.5, 3.0],
+    }
+    tables = {"dimension": 2, "blocks": parapets, "loads": LOADS[2]}
+    free = Scene.from_tables({**BASE, **tables}, tmp_path)
+    assert not any(b.fixed for b in free.blocks)
+    assert sum(b.group == "voussoirs" for b in free.blocks) == 2 * 2 * 9
+    ends = {"fixed": ["skewbacks_1", "skewbacks_3", "piers_[1-4]", "piers_9", "piers_1[0-2]"]}
+    tables["blocks"] = parapets | ends
+    some = Scene.from_tables({**BASE, **tables}, tmp_path).structure().warnings
+    assert not any("corner" in text for text in some)  # the fixed ones hold each other's corners
+    (ground,) = [text for text in some if text.startswith("no ground")]
+    assert "below 1 block ('piers_5') at the lowest level" in ground
+    assert "[foundations.NAME]" in ground
+    under = tables | {"foundations": {"base": {"friction": 0.6, "y": -3.0}}}
+    held = Scene.from_tables({**BASE, **under}, tmp_path).structure().warnings
+    assert not any("ground" in text for text in held)
+    for wrong, message in ((1, "blocks.abutments"), ([1.0], "blocks.abutments")):
+        tables["blocks"] = parapets | {"abutments": wrong}
+        with pytest.raises(InputError, match=message):
+            Scene.from_tables({**BASE, **tables}, tmp_path)
 
 
 def test_an_axle_on_the_highest_side(tmp_path):

@@ -198,7 +198,10 @@ def test_places_have_two_numbers(tmp_path):
         ({"blocks": {"builder": "wal"}}, "'wal' must be one of 'facade'"),
         ({"blocks": {"builder": "wall", "length": 1.0}}, "blocks.height is missing"),
         ({"blocks": {"builder": "facade", "bay": 3}}, "blocks.bay"),
-        ({"floors": {"roof": {"z": 2.0, "force": 1.0}}}, "heights in the plane are y"),
+        (
+            {"floors": {"roof": {"z": 2.0, "force": 1.0}}},
+            "floors.roof.z is of scenes in space; give y",
+        ),
         ({"floors": {"roof": {"y": 3.5, "force": 1.0}}}, "no block has a top side at y = 3.5"),
         ({"floors": {"roof": {"y": 2.0, "x": [9, 10], "force": 1.0}}}, "within x; .* x = 0 to 1$"),
         ({"foundations": {"ground": {"friction": 1.0, "y": -1.0}}}, "see its y or plane"),

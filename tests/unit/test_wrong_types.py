@@ -30,7 +30,7 @@ from fenics_contact import (
     stands,
     sweep,
 )
-from fenics_contact.builders import BridgeParts, bridge, facade, retaining_wall
+from fenics_contact.builders import bridge, facade, retaining_wall
 from fenics_contact.drawing import Drawing, LayerRoles, read_dxf
 from fenics_contact.meshing import (
     arch,
@@ -119,8 +119,7 @@ PLAIN: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "wedge": (wedge, {"half_angle": 30.0, "height": 0.5, "length": 3.0, "size": 1.0}),
     "buttress": (buttress, {"courses": 1, "wall_width": 1.0, "foot": 1.0, "size": 1.0}),
     "facade": (facade, {"storeys": 1, "bays": 1, "opening": (1.0, 1.0), "pier": 1.0}),
-    "bridge": (bridge, {"span": 4.0, "rise": 1.0, "ring": 0.3, "voussoirs": 5, "parts": None}),
-    "BridgeParts": (BridgeParts, vars(BridgeParts())),
+    "bridge": (bridge, {"span": 4.0, "rise": 1.0, "ring": 0.3, "voussoirs": 5, "pier": (1.0, 2.0)}),
     "retaining_wall": (retaining_wall, {"height": 2.0, "base": 1.0, "top": 1.0, "courses": 2}),
     "Drawing": (Drawing, {"blocks": [TRIANGLE], "names": ["a"], "groups": {}}),
     "Drawing.mesh": (Drawing([np.array(TRIANGLE)], ["a"]).mesh, {"size": 1.0}),
