@@ -269,6 +269,7 @@ class BlockScene(OfFile):
         pushes = total("loads.live", blocks, live)
         if not np.any(pushes):
             warnings = (*warnings, "loads.live pushes nothing")
+        hanging = self._without_ground(blocks, contacts, near)
         return Structure(
             blocks,
             contacts,
@@ -279,10 +280,7 @@ class BlockScene(OfFile):
             bars_of(self.ties, blocks, near),
             self._moved(blocks),
             max(material.young for material in self.materials.values()),
-            (
-                *(*self.notes, *self._odd_sizes(), *warnings),
-                *(*self._without_ground(blocks, contacts, near), *self._odd_values(laws)),
-            ),
+            (*self.notes, *self._odd_sizes(), *warnings, *hanging, *self._odd_values(laws)),
             tuple(text for text in warnings if isinstance(text, Doubt)),
             acting={**dead, **live},
             dimension=self.dimension,
@@ -438,8 +436,7 @@ class BlockScene(OfFile):
 def _counted(blocks: Sequence[Block]) -> str:
     """How many blocks there are, and the names of the first."""
     names = listed(block.name for block in blocks[:NAMED])
-    more = ", ..." if len(blocks) > NAMED else ""
-    return f"{counted(len(blocks), 'block')} ({names}{more})"
+    return f"{counted(len(blocks), 'block')} ({names}{', ...' * (len(blocks) > NAMED)})"
 
 
 def read_blocks(tables: Mapping[str, Any], folder: Path) -> ReadBlocks:
