@@ -73,7 +73,8 @@ class MeshQuestion(Question):
     @property
     def view(self) -> BlockView:
         """What blocks and joints do in the collapse."""
-        return view_of(self.case.discretization.layout, np.asarray(self.end.mode)).blocks
+        mode = np.asarray(self.end.mode)
+        return view_of(self.case.discretization.layout, mode, self.end.joints).blocks
 
     @property
     def stopped(self) -> str:

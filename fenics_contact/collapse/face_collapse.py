@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,11 @@ from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import PATH_FIRST, WAYS, FaceAttempt, FaceSearch, SearchWay
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.faces.programs import state_alone, state_under
 from fenics_contact.results.bounds import counted
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import trials
-from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Table
 from fenics_contact.results.wording import Line, Wording
 from fenics_contact.scene.units import PER_METRE
 from fenics_contact.search_options import SEARCH
@@ -124,13 +126,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     effort = case.discretization.effort
     asked = _asked_gap(case)
     case.record.phase("face forces")
-    found: Searched = (None, "", [], "")
-    if case.problem.comm.rank == 0:
-        try:
-            found = result_of(search or begun_search(case), effort.wait)
-        except Stopped as stop:
-            found = (None, "", [], str(stop))
-    state, way, attempts, stopped = case.problem.comm.bcast(found)
+    state, way, attempts, stopped = _found(case, search)
     record = case.record.attempts
     first = 0 if search is not None else len(record)  # it was begun before all others
     record[first:first] = trials(attempts, "faces: ")
@@ -138,16 +134,53 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
         if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
             end = replace(collapse_of(case, faces, state, asked), way=way)
         else:
-            best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
-            reason = f"the search on face forces ended with {best}"
-            end = Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
-            end = replace(end, engine="faces")
+            end = replace(_not_found(state), program=case.blocks.bounds)
     if stopped:
         if end.status == "limit":
             case.record.best = end
         effort.watch.reason = stopped
         raise Stopped(stopped)
     return end
+
+
+def _found(case: LoadCase, search: Future[Searched] | None = None) -> Searched:
+    """What a search found, on all ranks."""
+    found: Searched = (None, "", [], "")
+    if case.problem.comm.rank == 0:
+        try:
+            found = result_of(search or begun_search(case), case.discretization.effort.wait)
+        except Stopped as stop:
+            found = (None, "", [], str(stop))
+    return case.problem.comm.bcast(found)
+
+
+def _not_found(state: FaceState | None) -> Collapse:
+    """That a search found no collapse."""
+    best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
+    return Collapse(reason=f"the search on face forces ended with {best}", engine="faces")
+
+
+def rigid_collapse(case: LoadCase) -> Collapse:
+    """The collapse of the rigid blocks of a load case: load factor and mode alone. Collective.
+
+    Raises:
+        Stopped: If the run is to end.
+    """
+    comm, faces = case.problem.comm, case.blocks.model.planar
+
+    def exists(find: Callable[[FaceModel], object]) -> bool:
+        return comm.bcast(comm.rank == 0 and find(faces.model) is not None)
+
+    if np.any(faces.model.dead) and not exists(partial(state_under, load_factor=0.0)):
+        return Collapse("no_equilibrium", reason=NOT_KNOWN)
+    state, way, _, stopped = _found(case)
+    if stopped:
+        case.discretization.effort.watch.reason = stopped
+        raise Stopped(stopped)
+    if state is not None and state.gap <= max(_asked_gap(case), SEARCH.rough_gap):
+        mode = case.discretization.rigid_motion(faces.motions(state.mode))
+        return Collapse("limit", state.load_factor, mode=mode, engine="faces", way=way)
+    return Collapse("unbounded", np.inf) if exists(state_alone) else _not_found(state)
 
 
 def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: float) -> Collapse:

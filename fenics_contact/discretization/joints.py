@@ -113,6 +113,13 @@ class Joints:
             ties=None,
         )
 
+    def with_yields(self, factor: float) -> Joints:
+        """The points with all forces of ties, not those of soil, times a factor."""
+        if self.ties is None:
+            return self
+        ties = self.ties.with_yields(factor)
+        return replace(self, ties=ties, laws=(*self.laws[: -len(ties.names)], *ties.laws))
+
     @property
     def joint_count(self) -> int:
         """Number of points without those of ties."""
@@ -247,8 +254,7 @@ def find_joints(
         where = ties.sides.mean(axis=1), ties.sides, np.zeros((count, 2)), ties.share
         law = len(laws) + ties.tie
         parts.append((ties.stencil, ground, ties.bodies, *where, law, none, none))
-        half = 0.5 * np.bincount(ties.tie, ties.yields, len(ties.names))
-        laws = (*laws, *(JointLaw("tresca", bound=float(bound)) for bound in half))
+        laws = (*laws, *ties.laws)
         names = (*names, *ties.keys)
     else:
         ties = None

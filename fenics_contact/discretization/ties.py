@@ -23,7 +23,7 @@ part of the tie that the block has of the group's length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, TypeAlias
 
@@ -43,7 +43,7 @@ from fenics_contact.discretization.facets import (
 )
 from fenics_contact.errors import InputError, Vector
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
-from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.scene import JointLaw, Scene
 
 #: Places this far outside a block are in it, over the structure's size.
 AT_BLOCK = 1e-6
@@ -107,6 +107,17 @@ class Ties:
             soils=self.soils * soil,
             **{name: getattr(self, name)[mine] for name in arrays},
         )
+
+    def with_yields(self, factor: float) -> Ties:
+        """The bars with all forces of ties, not those of soil, times a factor."""
+        times = np.where(self.part(True)[0], 1.0, factor)
+        return replace(self, yields=times * self.yields, prestress=times * self.prestress)
+
+    @property
+    def laws(self) -> tuple[JointLaw, ...]:
+        """Laws of all names, |r_T| <= Y/2."""
+        half = 0.5 * np.bincount(self.tie, self.yields, len(self.names))
+        return tuple(JointLaw("tresca", bound=float(bound)) for bound in half)
 
     @property
     def name(self) -> npt.NDArray[np.str_]:

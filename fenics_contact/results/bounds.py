@@ -97,12 +97,17 @@ def signed(record: Any, sign: float) -> Any:
     if not is_dataclass(record) or isinstance(record, type):
         return record
     values = {item.name: getattr(record, item.name) for item in fields(record)}
-    marked = {item.name for item in fields(record) if item.type == "LoadFactor"}
+    marked = {item.name for item in fields(record) if "LoadFactor" in item.type}
     changed = {
-        name: 0.0 - value if name in marked else signed(value, sign)
+        name: _reversed(value) if name in marked else signed(value, sign)
         for name, value in values.items()
     }
     return replace(record, **changed)
+
+
+def _reversed(value: Any) -> Any:
+    """A load factor, or several, under the reverse of the live load."""
+    return tuple(map(_reversed, value)) if isinstance(value, tuple) else 0.0 - value
 
 
 def alike(value: float | None, leading: float | None) -> str:

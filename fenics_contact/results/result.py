@@ -171,6 +171,8 @@ def known_bounds(bounds: LimitBounds) -> LimitBounds:
     return bounds
 
 
+#: Collapse states that are as far apart as this are told as two, relative.
+ANOTHER = 1e-2
 #: The program of a bracket of which nothing is known.
 UNKNOWN = partial(known_bounds, LimitBounds(None, None))
 

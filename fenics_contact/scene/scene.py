@@ -624,7 +624,7 @@ class SolveOptions(Checked):
         False,
         of="blocks",
     )
-    ties: bool | None = only("blocks")
+    ties: bool | None = None
 
     @property
     def asked_gap(self) -> float:

@@ -12,15 +12,13 @@ import numpy as np
 from fenics_contact.console import summary
 from fenics_contact.faces.limit import LED
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.result import ByDirection, Collapse
+from fenics_contact.results.result import ANOTHER, ByDirection, Collapse
 from fenics_contact.results.values import listed_blocks
 from fenics_contact.results.wording import Line, Wording, wording_of
 from fenics_contact.scene.units import Units
 from fenics_contact.search_options import SEARCH
 from fenics_contact.spatial.structure import Structure
 
-#: Collapse states that are as far apart as this are told as two, relative.
-ANOTHER = 1e-2
 #: What forces at the corners of contacts leave out.
 QUICK = "torsion is not limited: contacts have forces at their corners alone (solve.quick)"
 #: Tensions over the yield of ties below and above which these are slack and yield.
