@@ -22,7 +22,6 @@ from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import STARTS, Start, lowest_from
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Answer, Collapse
@@ -106,8 +105,7 @@ class LowestAnswer(Asked):
     @classmethod
     def collapse_of(cls, question: MeshQuestion, state: FaceState) -> Collapse:
         """A state as a collapse of elastic blocks."""
-        faces = PlanarFaces.of(question.case.discretization, question.case.sign)
-        return collapse_of(question.case, faces, state, SEARCH.lower_state_gap)
+        return collapse_of(question.case, state, SEARCH.lower_state_gap)
 
     @classmethod
     def run(cls, question: Any) -> tuple[Self | None, Collapse]:

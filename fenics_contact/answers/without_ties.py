@@ -14,7 +14,7 @@ from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.collapse.face_collapse import rigid_collapse
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.errors import SolverError, Stopped, require
-from fenics_contact.results.bounds import LoadFactor
+from fenics_contact.results.bounds import LoadFactor, rounded
 from fenics_contact.results.result import ANOTHER, Collapse
 from fenics_contact.results.values import TieState
 from fenics_contact.results.wording import Line, Wording
@@ -86,7 +86,8 @@ class WithoutTiesAnswer(Asked):
         end = question.end
         bare = cls.with_yields(question, 0.0)
         given = [tie.per_metre * tie.yield_ for tie in question.scene.ties.values()]
-        found = WithoutTies(bare.end.status, bare.end.load_factor, (min(given), max(given)))
+        factor = rounded(bare.end.load_factor, end.size)
+        found = WithoutTies(bare.end.status, factor, (min(given), max(given)))
         less = end.sign * (bare.end.load_factor - end.load_factor) > ANOTHER * end.size
         if bare.end.status == "limit" and less and cls.lower.concerns(question):
             found = replace(found, lowest=(cls._lowest(question), cls._lowest(bare)))
@@ -102,9 +103,8 @@ class WithoutTiesAnswer(Asked):
     @classmethod
     def _lowest(cls, question: Question) -> float:
         """Load factor of the lowest state found; nan if it is not known."""
-        known = question.end.answers.get("lowest")
-        known = known or asked(cls.lower, question).answers.get("lowest")
-        return math.nan if known is None else float(known.value.load_factor)
+        end = question.end if question.end.lowest else asked(cls.lower, question)
+        return float(end.lowest.load_factor) if end.lowest else math.nan
 
     @classmethod
     def _needed(cls, question: Question, bare: Question) -> float:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -122,7 +121,6 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     Raises:
         Stopped: If the run is to end; the record has the best certified state, if there is one.
     """
-    faces = PlanarFaces.of(case.discretization, case.sign)
     effort = case.discretization.effort
     asked = _asked_gap(case)
     case.record.phase("face forces")
@@ -132,7 +130,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     record[first:first] = trials(attempts, "faces: ")
     with effort.unwatched():
         if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
-            end = replace(collapse_of(case, faces, state, asked), way=way)
+            end = replace(collapse_of(case, state, asked), way=way)
         else:
             end = replace(_not_found(state), program=case.blocks.bounds)
     if stopped:
@@ -145,13 +143,14 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
 
 def _found(case: LoadCase, search: Future[Searched] | None = None) -> Searched:
     """What a search found, on all ranks."""
-    found: Searched = (None, "", [], "")
-    if case.problem.comm.rank == 0:
-        try:
-            found = result_of(search or begun_search(case), case.discretization.effort.wait)
-        except Stopped as stop:
-            found = (None, "", [], str(stop))
-    return case.problem.comm.bcast(found)
+
+    def known() -> Searched:
+        return result_of(search or begun_search(case), case.discretization.effort.wait)
+
+    try:
+        return case.blocks.on_root(known)
+    except Stopped as stop:
+        return None, "", [], str(stop)
 
 
 def _not_found(state: FaceState | None) -> Collapse:
@@ -166,12 +165,8 @@ def rigid_collapse(case: LoadCase) -> Collapse:
     Raises:
         Stopped: If the run is to end.
     """
-    comm, faces = case.problem.comm, case.blocks.model.planar
-
-    def exists(find: Callable[[FaceModel], object]) -> bool:
-        return comm.bcast(comm.rank == 0 and find(faces.model) is not None)
-
-    if np.any(faces.model.dead) and not exists(partial(state_under, load_factor=0.0)):
+    faces, ask = case.blocks.model.planar, case.blocks.on_root
+    if np.any(faces.model.dead) and ask(lambda: state_under(faces.model, 0.0)) is None:
         return Collapse("no_equilibrium", reason=NOT_KNOWN)
     state, way, _, stopped = _found(case)
     if stopped:
@@ -180,12 +175,13 @@ def rigid_collapse(case: LoadCase) -> Collapse:
     if state is not None and state.gap <= max(_asked_gap(case), SEARCH.rough_gap):
         mode = case.discretization.rigid_motion(faces.motions(state.mode))
         return Collapse("limit", state.load_factor, mode=mode, engine="faces", way=way)
-    return Collapse("unbounded", np.inf) if exists(state_alone) else _not_found(state)
+    unlimited = ask(lambda: state_alone(faces.model)) is not None
+    return Collapse("unbounded", np.inf) if unlimited else _not_found(state)
 
 
-def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: float) -> Collapse:
+def collapse_of(case: LoadCase, state: FaceState, asked: float) -> Collapse:
     """A certified state as a collapse of the structure, if its blocks have strains. Collective."""
-    problem = case.problem
+    problem, faces = case.problem, case.blocks.model.planar
     strained = strained_state(case, faces, state.force, state.load_factor)
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
     opening = np.abs(problem.normal @ mode)

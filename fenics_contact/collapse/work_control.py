@@ -19,7 +19,6 @@ from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.load_case import LoadCase, Task, joint_values
 from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import stiffness_alone
 from fenics_contact.parallel import MPI
 from fenics_contact.results.bounds import NOT_AT_THIS_SIZE
@@ -107,9 +106,8 @@ def growth(case: LoadCase) -> float | None:
     """
     if not case.blocks.is_unlimited():
         return None
-    faces = PlanarFaces.of(case.discretization, case.sign)
-    stiff = stiffness_alone(faces.model) if case.problem.comm.rank == 0 else None
-    stiff = case.problem.comm.bcast(stiff)
+    blocks = case.blocks
+    stiff = blocks.on_root(lambda: stiffness_alone(blocks.model.planar.model))
     return None if stiff is None else stiff * case.scales.load_factor
 
 

@@ -117,7 +117,9 @@ class Joints:
         """The points with all forces of ties, not those of soil, times a factor."""
         if self.ties is None:
             return self
-        ties = self.ties.with_yields(factor)
+        times = np.where(self.ties.part(True)[0], 1.0, factor)
+        yields, prestress = times * self.ties.yields, times * self.ties.prestress
+        ties = replace(self.ties, yields=yields, prestress=prestress)
         return replace(self, ties=ties, laws=(*self.laws[: -len(ties.names)], *ties.laws))
 
     @property

@@ -23,7 +23,7 @@ part of the tie that the block has of the group's length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any, TypeAlias
 
@@ -107,11 +107,6 @@ class Ties:
             soils=self.soils * soil,
             **{name: getattr(self, name)[mine] for name in arrays},
         )
-
-    def with_yields(self, factor: float) -> Ties:
-        """The bars with all forces of ties, not those of soil, times a factor."""
-        times = np.where(self.part(True)[0], 1.0, factor)
-        return replace(self, yields=times * self.yields, prestress=times * self.prestress)
 
     @property
     def laws(self) -> tuple[JointLaw, ...]:

@@ -181,7 +181,7 @@ class RigidBlocks:
 
         Coulomb's friction is taken as associative.
         """
-        return self._on_root(lambda: self._limit)
+        return self.on_root(lambda: self._limit)
 
     def is_unlimited(self) -> bool:
         """Whether it is proved that nothing limits the load; HiGHS may find no answer at all."""
@@ -210,8 +210,8 @@ class RigidBlocks:
         load.
         """
         if load_factor == 0.0:
-            return self._on_root(lambda: self._fall)
-        return self._on_root(lambda: falling_motion(self.model, load_factor))
+            return self.on_root(lambda: self._fall)
+        return self.on_root(lambda: falling_motion(self.model, load_factor))
 
     def wedging(self) -> Array | None:
         """Forces (normal, shear) at all joint points that balance the live load alone, or None.
@@ -219,7 +219,7 @@ class RigidBlocks:
         Shape (2, points), N/m for a load factor of 1, on all ranks. Any multiple of them may be
         added, with associative friction, so that nothing limits the load.
         """
-        return self._on_root(lambda: wedging_forces(self.model))
+        return self.on_root(lambda: wedging_forces(self.model))
 
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
         """Limit load and collapse mode, as `given_load` gives them.
@@ -230,7 +230,7 @@ class RigidBlocks:
         dilatancy = planar.model.dilatancy
         given = np.bincount(planar.faces.of_point, strength, len(dilatancy)).astype(float)
         model = BlockModel.of(planar, dilatancy, given)
-        return self._on_root(lambda: given_load(model))
+        return self.on_root(lambda: given_load(model))
 
     def begin(self, beside: Executor) -> None:
         """Solve for the bracket beside other work, on this rank."""
@@ -239,14 +239,14 @@ class RigidBlocks:
 
     def bounds(self) -> LimitBounds:
         """The bracket, its lower end as in `lower_end` where that is better than no friction."""
-        return self._on_root(lambda: self._bounds)
+        return self.on_root(lambda: self._bounds)
 
     def classical_bounds(self) -> LimitBounds:
         """Drucker's bounds, without friction and with associative friction; else as `bounds`.
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
-        return self._on_root(lambda: self._classical_bounds)
+        return self.on_root(lambda: self._classical_bounds)
 
     @cached_property
     def _fall(self) -> Array | None:
@@ -306,7 +306,7 @@ class RigidBlocks:
             lower = max(lower, bounds.lower)
         return bounds if lower == -np.inf else replace(bounds, lower=min(lower, bounds.upper) + 0.0)
 
-    def _on_root(self, ask: Callable[[], Any]) -> Any:
+    def on_root(self, ask: Callable[[], Any]) -> Any:
         """The value of a function on rank 0, on all ranks; its `SolverError` or `Stopped` too."""
         answer: Any = None
         failure: SolverError | Stopped | None = None
