@@ -78,7 +78,7 @@ class WithoutTiesAnswer(Asked):
         whole = case.discretization
         layout = replace(whole.layout, joints=whole.joints.with_yields(factor))
         case = replace(case, blocks=RigidBlocks.of(layout, case.sign))
-        return replace(question, case=case, begun=None, end=rigid_collapse(case))
+        return replace(question, case=case, begun=None, end=rigid_collapse(case, question.end))
 
     @classmethod
     def run(cls, question: Any) -> tuple[Self | None, Collapse]:

@@ -106,12 +106,12 @@ def _asked_gap(case: LoadCase) -> float:
     return default if given is None else given
 
 
-def begun_search(case: LoadCase) -> Future[Searched]:
-    """The search of the face engine, begun beside other work."""
+def begun_search(case: LoadCase, ways: Sequence[SearchWay] = ()) -> Future[Searched]:
+    """The search of the face engine, begun beside other work; by default as the scene asks."""
     model = case.blocks.model.planar.model
     engine = case.discretization.scene.solve.engine
     by_path = engine == "follow" or (engine == "auto" and case.blocks.has_strength)
-    ways = PATH_FIRST if by_path else WAYS
+    ways = ways or (PATH_FIRST if by_path else WAYS)
     return case.beside.submit(searched, model, _asked_gap(case), case.wait, ways)
 
 
@@ -124,7 +124,7 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     effort = case.discretization.effort
     asked = _asked_gap(case)
     case.record.phase("face forces")
-    state, way, attempts, stopped = _found(case, search)
+    state, way, attempts, stopped = _found(case, lambda: search or begun_search(case))
     record = case.record.attempts
     first = 0 if search is not None else len(record)  # it was begun before all others
     record[first:first] = trials(attempts, "faces: ")
@@ -141,14 +141,11 @@ def face_collapse(case: LoadCase, search: Future[Searched] | None = None) -> Col
     return end
 
 
-def _found(case: LoadCase, search: Future[Searched] | None = None) -> Searched:
+def _found(case: LoadCase, begun: Callable[[], Future[Searched]]) -> Searched:
     """What a search found, on all ranks."""
-
-    def known() -> Searched:
-        return result_of(search or begun_search(case), case.discretization.effort.wait)
-
+    wait = case.discretization.effort.wait
     try:
-        return case.blocks.on_root(known)
+        return case.blocks.on_root(lambda: result_of(begun(), wait))
     except Stopped as stop:
         return None, "", [], str(stop)
 
@@ -159,8 +156,10 @@ def _not_found(state: FaceState | None) -> Collapse:
     return Collapse(reason=f"the search on face forces ended with {best}", engine="faces")
 
 
-def rigid_collapse(case: LoadCase) -> Collapse:
+def rigid_collapse(case: LoadCase, like: Collapse) -> Collapse:
     """The collapse of the rigid blocks of a load case: load factor and mode alone. Collective.
+
+    The loading path leads to it where that led to the other one that it is `like`.
 
     Raises:
         Stopped: If the run is to end.
@@ -168,7 +167,8 @@ def rigid_collapse(case: LoadCase) -> Collapse:
     faces, ask = case.blocks.model.planar, case.blocks.on_root
     if np.any(faces.model.dead) and ask(lambda: state_under(faces.model, 0.0)) is None:
         return Collapse("no_equilibrium", reason=NOT_KNOWN)
-    state, way, _, stopped = _found(case)
+    ways = WAYS if like.engine == "faces" and like.way != "follow" else PATH_FIRST
+    state, way, _, stopped = _found(case, lambda: begun_search(case, ways))
     if stopped:
         case.discretization.effort.watch.reason = stopped
         raise Stopped(stopped)
