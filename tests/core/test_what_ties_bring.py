@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -56,6 +57,22 @@ def test_a_gate_with_an_anchor(direction):
     stronger = replace(ANCHOR, yield_=found.needed * ANCHOR.yield_)
     reached = limit_load(replace(scene, ties={"a": stronger})).ends[direction]
     assert 1.0 - 1e-3 <= reached.seismic.acceleration / 3.0 <= 1.012
+
+
+def test_a_wall_with_several_states():
+    """Without ties it is followed from rest, too: one solve leads to 1.2 in place of .714."""
+    bricks = []
+    for course in range(3):
+        ends = [0.0, *(0.5 * k + 0.25 * (course % 2) for k in range(1 - course % 2, 3)), 1.5]
+        lower, upper = 0.25 * course, 0.25 * (course + 1)
+        bricks += [rectangle(a, lower, b, upper) for a, b in pairwise(ends)]
+    base = {"base": [((0.0, 0.0), (1.5, 0.0))]}
+    options = {"groups": base, "solve": replace(ALL, lowest=False)}
+    scene = tied(bricks, Tie((0.1, 0.6), 1e3, ground=(-3.0, 0.1)), 1.2, **options)
+    found = limit_load(scene).positive.without_ties
+    bare = limit_load(replace(scene, ties={}, solve=SolveOptions(fast=True)))
+    assert bare.load_factor == pytest.approx(1.0 / 1.4, rel=1e-6)
+    assert found.load_factor == pytest.approx(bare.load_factor, rel=1e-3)
 
 
 def test_a_gate_is_the_same_without_a_mesh(tmp_path):
