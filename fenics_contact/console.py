@@ -148,32 +148,25 @@ class ProgressLine(Progress):
 
 
 class SweepProgress:
-    """A line for every point of a sweep, with the time that is left."""
+    """A line for every one of many limit loads, with the time that is left."""
 
     def __init__(self) -> None:
         self._start = time.perf_counter()
         self._before = 0
 
-    def __call__(self, done: int, total: int, point: Any) -> None:
-        """Show a `sweeps.points.Point`; None tells how many are there before any is solved."""
-        if point is None:
+    def __call__(self, done: int, total: int, found: Any) -> None:
+        """Show the `line` of a point of a sweep, or of a mechanism.
+
+        None tells how many are there before any is solved.
+        """
+        if found is None:
             self._start = time.perf_counter()
             self._before = done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
-            values = ", ".join(
-                f"{key} = {f'{value:.6g}' if isinstance(value, float) else value}"
-                for key, value in point.values.items()
-            )
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
-            both = (point.load_factor, point.load_factor_negative)
-            factors = " and ".join(f"{factor:.6g}" for factor in both if not math.isnan(factor))
-            factors += f": {point.load}" * bool(point.load)
-            factors += f", a0* = {point.start:.4g} m/s2" if math.isfinite(point.start) else ""
-            found = f"it collapses at load factor {factors}" if point.solved else point.reason
-            found = "nothing limits the live load" if point.status == "unbounded" else found
-            text = f"{done:{len(str(total))}d} of {total}  {values}: {found}   ({left:.0f} s left)"
+            text = f"{done:{len(str(total))}d} of {total}  {found.line}   ({left:.0f} s left)"
         if text:
             sys.stdout.write(text + "\n")
             sys.stdout.flush()

@@ -181,7 +181,6 @@ def sweep(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) ->
 @_with_workers
 def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executor) -> int:
     """Find the mechanisms of all parts of a scene of rigid blocks."""
-    from fenics_contact.sweeps.mechanisms import Mechanism
     from fenics_contact.sweeps.mechanisms import mechanisms as mechanisms_of
     from fenics_contact.sweeps.points import Parameter
 
@@ -192,18 +191,15 @@ def mechanisms(options: argparse.Namespace, comm: MPI.Intracomm, beside: Executo
     scene = _kind(tables).read(tables, options.scene.parent, comm)
 
     angles = Parameter.of("--angles", options.angles).values if options.angles else ()
-
-    def tell(row: Mechanism) -> None:
-        if comm.rank == 0 and not options.quiet:
-            print(f"{row.part} {row.way}: {row.end.load_factor:.4g}", flush=True)
-
+    loud = comm.rank == 0 and not options.quiet
+    tell = {"tell": SweepProgress()} if loud else {}
     with Signals() as signals:
         found = mechanisms_of(
-            scene, options.exclude, angles=angles, stop=signals, beside=beside, tell=tell
+            scene, options.exclude, angles=angles, stop=signals, beside=beside, **tell
         )
         found.write(folder)
         number = _first(signals, comm)
-    if comm.rank == 0 and not options.quiet:
+    if loud:
         lines = ["", repr(found), *([found.stopped] * bool(found.stopped)), f"written to {folder}"]
         lines += [_next("report", folder)] * any(row.result.limits for row in found.rows)
         print("\n".join(lines), flush=True)

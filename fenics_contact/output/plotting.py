@@ -66,9 +66,9 @@ MARKS: Mapping[int, tuple[str, str]] = {
 QUIET = ContactState.STICK, AT_REST
 #: What ties do, and how their lines are drawn.
 TIES: Mapping[int, tuple[str, Mapping[str, Any]]] = {
-    TieState.YIELDS: ("tie yields", {"lw": 2.6, "ls": "-"}),
-    TieState.ELASTIC: ("tie", {"lw": 1.4, "ls": "-"}),
-    TieState.SLACK: ("tie slack", {"lw": 1.2, "ls": (0, (4, 3))}),
+    TieState.YIELDS: ("tie yields", {"color": "#D81B8C", "lw": 2.6, "ls": "-"}),
+    TieState.ELASTIC: ("tie", {"color": GREEN, "lw": 1.4, "ls": "-"}),
+    TieState.SLACK: ("tie slack", {"color": GREEN, "lw": 1.2, "ls": (0, (4, 3))}),
 }
 #: Length of the strokes below what does not move, over the structure's size, and their number.
 STROKE, STROKES = 0.018, 40
@@ -465,7 +465,7 @@ def draw_ties(axes: Any, view: View, share: float = 0.0) -> list[Any]:
     for state, (label, style) in TIES.items():
         ends = view.ties["ends"] + share * view.ties["motion"]
         for tie in ends[view.ties["state"] == state] if "state" in view.ties else ():
-            (line,) = axes.plot(*tie.T, marker="s", ms=4.0, color=GREEN, zorder=4, **style)
+            (line,) = axes.plot(*tie.T, marker="s", ms=4.0, zorder=4, **style)
             entries.append((label, line))
     return list(dict(entries).items())
 

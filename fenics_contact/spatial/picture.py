@@ -24,7 +24,6 @@ from fenics_contact.output.plotting import (
     DEAD,
     DPI,
     FORCE,
-    GREEN,
     HELD,
     MARKS,
     QUIET,
@@ -124,7 +123,8 @@ def save_view(view: BlockView, paths: Sequence[Path | BinaryIO]) -> None:
     panels["legend"].set_axis_off()
     does = {*view.contacts.state, *[ContactState.CRUSHES] * bool(view.touching.crushes.any())}
     told = [mark for kind, mark in MARKS.items() if kind in does.difference(QUIET)]
-    told += [(GREEN, TIES[state][0]) for state in sorted(set(_tie_states(view)), reverse=True)]
+    ties = [TIES[state] for state in sorted(set(_tie_states(view)), reverse=True)]
+    told += [(style["color"], label) for label, style in ties]
     told += [(LOADS.get(name, DEAD), name) for name in view.loads]
     legend(panels["legend"], [(label, Line2D([], [], color=c, lw=2.0)) for c, label in told])
     save_figure(figure, view.whole_title, paths)
@@ -197,7 +197,7 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     (left, low), (right, high) = _window(view, turn)
     axes.set(xlim=(left, right), ylim=(low, high))
     for ends, state in zip(view.moved_ties, _tie_states(view), strict=True):
-        style = {"color": GREEN, "marker": "s", "ms": 3.0} | TIES[state][1]
+        style = {"marker": "s", "ms": 3.0} | TIES[state][1]
         axes.plot(*(ends @ turn[:2].T).T, **style)
     far_blocks = np.append(bodies.of_piece[far], -2)
     for name, ends in view.arrows.items():

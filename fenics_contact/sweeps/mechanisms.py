@@ -28,8 +28,9 @@ from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import ContactState
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.values import tension_lines
+from fenics_contact.results.values import TieState, tension_lines
 from fenics_contact.scene.scene import GRAVITY
+from fenics_contact.scene.units import Units
 from fenics_contact.spatial.limit import solved, standing
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.record import BlockLimitLoad, result_record
@@ -46,11 +47,13 @@ _log = logging.getLogger("fenics_contact")
 MOST, NEXT = 2, ", next"
 #: Strength of repaired contacts: all of them together could carry so many times the dead load.
 REPAIR, REPAIRED = 10.0, "repaired"
+#: Tensions below this part of a tie's yield are not told.
+ROUNDING = 1e-3
 #: The record, written last, and the columns of the table in mechanisms.csv.
 RECORD = "mechanisms.json"
 COLUMNS = (
-    *("part", "way", "also", "status", "load_factor", "a0", "over_demand", "moves", "ties", "gap"),
-    *("pushed_blocks", "repaired_blocks", "picture"),
+    *("part", "way", "also", "status", "load_factor", "a0", "over_demand", "moves"),
+    *("ties", "gap", "pushed_blocks", "repaired_blocks", "picture"),
 )
 #: What the record has of one of a limit load, for the assumptions.
 ASSUMED = ("title", "version", "date", "dimension", "mesh", "scene", "acceleration", "warnings")
@@ -100,6 +103,13 @@ class Mechanism:
         return in_words(views_of(self.result)["positive"]) if limits else self.end.reason
 
     @property
+    def line(self) -> str:
+        """What is pushed, where to, and what was found."""
+        found = f"{self.end.load_factor:.4g} g" if self.end.status == "limit" else "no limit"
+        seismic = f"  a0* = {self.check.value_and_verdict}" if self.check else ""
+        return f"{self.part} {self.way}: {found}{seismic}"
+
+    @property
     def rank(self) -> tuple[bool, float]:
         """Its place in the table: the worst first, what has no limit last."""
         value = self.check.acceleration if self.check else self.end.load_factor
@@ -109,17 +119,18 @@ class Mechanism:
         """The row as files have it; numbers are None where there is no limit."""
         end, check = self.end, self.check
         found = end.status == "limit"
-        ties = tension_lines(self._moved_ties(), self.result.wording.units)
         return {
             "part": self.part,
             "way": self.way,
+            "line": self.line,
             "also": "; ".join(self.also),
             "status": end.status,
             "load_factor": end.load_factor if found else None,
             "a0": check.acceleration if check else None,
             "over_demand": check.acceleration / check.demand if check and check.demand else None,
             "moves": self.moves,
-            "ties": "".join(line.text for line in ties),
+            "ties": self._ties(self.result.wording.units),
+            "ties_in_report": self._ties(self.result.wording.units.of_report),
             "pushed_blocks": int(self.pushed.sum()),
             "repaired_blocks": int(self.repaired.sum()),
             "gap": end.gap if found else None,
@@ -128,13 +139,17 @@ class Mechanism:
             "residuals": end.residuals,
         }
 
-    def _moved_ties(self) -> dict[str, Any]:
-        """What ties carry of which an end moves, as of `ties_of`."""
+    def _ties(self, units: Units) -> str:
+        """What ties carry of which an end moves, beyond rounding."""
         view = views_of(self.result)["positive"]
+        if "state" not in view.ties:
+            return ""
         moves = np.append(_moving(self.result), False)  # the ground, -1, does not
-        names = view.ties.get("name", np.empty(len(view.tie_blocks)))
+        names, force = view.ties["name"], view.ties["force"]
         mine = np.isin(names, names[moves[view.tie_blocks].any(axis=1)])
-        return {key: values[mine] for key, values in view.ties.items()}
+        mine &= (force > ROUNDING * view.ties["yield"]) | (view.ties["state"] == TieState.SLACK)
+        (line,) = tension_lines({key: values[mine] for key, values in view.ties.items()}, units)
+        return line.text
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +172,7 @@ class Mechanisms:
         lines = []
         for number, row in enumerate(self.rows, 1):
             one = row.record()
-            factor = "-" if one["load_factor"] is None else f"{one['load_factor']:.4g}"
-            seismic = f"  a0* = {row.check.value_and_verdict}" if row.check else ""
-            lines.append(f"{number:3}  {row.part} {row.way}: {factor} g{seismic}")
+            lines.append(f"{number:3}  {row.line}")
             also, ties = (f"{key}: {one[key]}" * bool(one[key]) for key in ("also", "ties"))
             lines += [f"       {text}" for text in (one["moves"], also, ties) if text]
         return "\n".join(lines)
@@ -198,7 +211,7 @@ def mechanisms(
     angles: Sequence[float] = (),
     stop: Callable[[], str] = asked_to_stop,
     beside: Executor | None = None,
-    tell: Callable[[Mechanism], None] = lambda row: None,
+    tell: Callable[[int, int, Mechanism | None], None] = lambda done, total, row: None,
 ) -> Mechanisms:
     """Find the mechanisms of the parts of a structure and of the whole.
 
@@ -210,7 +223,8 @@ def mechanisms(
             default along the axes.
         stop: Asked now and then who wants the search to end, in words; empty while nobody does.
         beside: Does whole tasks beside this process, see `fenics_contact.workers`.
-        tell: Told of every row as it is found.
+        tell: Told how many searches are done, of how many, and of every row as it is found; of
+            None at first.
 
     Returns:
         The table; of what was found by then where it is stopped or `solve.time` is over.
@@ -239,7 +253,9 @@ def mechanisms(
     search = _Search(scene, repaired, deadline)
     executor = beside or InPlace()
     rows: list[Mechanism] = []
-    stopped = ""
+    stopped, done = "", 0
+    left = [part for part in parts if np.any(part.blocks & ~repaired)]
+    total = sum(len(part.ways) for part in (whole, *left))
 
     def check_stop() -> None:
         if reason := search.over() or stop():
@@ -247,7 +263,7 @@ def mechanisms(
 
     def run(task: Callable[..., list[Mechanism]], orders: Iterable[tuple[Any, ...]]) -> None:
         """Add the rows of tasks; those found by then once the search is to end."""
-        nonlocal stopped
+        nonlocal stopped, done
         for one in [executor.submit(task, *order) for order in orders]:
             try:
                 check_stop()
@@ -255,12 +271,13 @@ def mechanisms(
             except Stopped as end:
                 stopped = f"{end}; parts that were not asked may be worse"
                 found = last_result_of(one, executor) or []
+            done += bool(found)
             for row in found:
-                tell(row)
+                tell(done, total, row)
             rows.extend(found)
 
+    tell(0, total, None)
     run(search.of_whole, [(whole, way) for way in whole.ways])
-    left = [part for part in parts if np.any(part.blocks & ~repaired)]
     none = np.zeros(len(repaired), dtype=bool)
     first = {row.way: _moving(row.result) for row in reversed(rows)}
     orders = [(part, way, first.get(way.split()[-1], none)) for part in left for way in part.ways]

@@ -276,6 +276,21 @@ class Point:
         return ", ".join(dict.fromkeys(map(value_text, self.values.values())))
 
     @property
+    def line(self) -> str:
+        """Its values, and what was found, in words."""
+        values = ", ".join(
+            f"{key} = {f'{value:.6g}' if isinstance(value, float) else value}"
+            for key, value in self.values.items()
+        )
+        both = (self.load_factor, self.load_factor_negative)
+        factors = " and ".join(f"{factor:.6g}" for factor in both if not math.isnan(factor))
+        factors += f": {self.load}" * bool(self.load)
+        factors += f", a0* = {self.start:.4g} m/s2" if math.isfinite(self.start) else ""
+        found = f"it collapses at load factor {factors}" if self.solved else self.reason
+        found = "nothing limits the live load" if self.status == "unbounded" else found
+        return f"{values}: {found}"
+
+    @property
     def start(self) -> float:
         """Lower a0* of both directions; nan if none is known."""
         return float(np.fmin(self.a0, self.a0_negative))

@@ -108,7 +108,11 @@ def test_a_next_mechanism_that_a_part_has_before_is_no_row(tmp_path):
     rest = REST.replace("0.6", "1.2")
     rows = []
     scene = scene_of(tmp_path, f"dimension = 3\n{stones}{rest}")
-    told = factors(fenics_contact.mechanisms(scene, tell=rows.append))
+    told = factors(
+        fenics_contact.mechanisms(
+            scene, tell=lambda done, total, row: rows.extend([row] * bool(row))
+        )
+    )
     assert told["whole -y"] == pytest.approx(0.2, rel=2e-3)
     assert 0.4 < told["high outwards -y"] < 0.5
     (left_out,) = (row for row in rows if f"{row.part} {row.way}" not in told)
@@ -333,7 +337,7 @@ brick = [1.0, 0.5]
     fenics_contact.mechanisms(
         scene,
         stop=lambda: "found" * any(row.part == "facade" for row in rows),
-        tell=rows.append,
+        tell=lambda done, total, row: rows.extend([row] * bool(row)),
     )
     told = {f"{row.part} {row.way}": row for row in rows}
     # Volumes of courses over their height: the facade's, and those above the lowest at the sides.
@@ -366,7 +370,9 @@ def test_stopped_search_keeps_its_rows(tmp_path):
     rows = []
     scene = scene_of(tmp_path, WALLS)
     found = fenics_contact.mechanisms(
-        scene, stop=lambda: "enough" * (len(rows) > 2), tell=rows.append
+        scene,
+        stop=lambda: "enough" * (len(rows) > 2),
+        tell=lambda done, total, row: rows.extend([row] * bool(row)),
     )
     assert 2 < len(found.rows) < 9
     assert found.stopped == "enough; parts that were not asked may be worse"
@@ -379,6 +385,7 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     assert run.code == 0, run
     assert "thick outwards +y: 0.4 g  a0* = 3.924 m/s2 = 0.4 g (1.57 times the" in run.out
     assert "also: whole +y" in run.out
+    assert "8 of 8  thick along -x: 0.6 g  a0* = 5.886 m/s2" in run.out and "s left)" in run.out
     record = json.loads((tmp_path / "out/mechanisms.json").read_text())
     with (tmp_path / "out/mechanisms.csv").open() as file:
         table = list(csv.DictReader(file))
@@ -390,6 +397,9 @@ def test_command_and_report(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "out/report.html").read_text()
     assert page.count("<img") == len(table)
     assert "a0* / demand" in page
+    first, _, rest = page.partition("All mechanisms")
+    assert "The worst of 4: " in first and first.count("<img") == 1 and "1.57 times the" in first
+    assert "<thead>" in rest and "confidence factor" in first
     assert "Computed on 20" in page and "Torsion is not limited" in page  # solve.quick
     for text in ("2000 kg/m3", "Coulomb friction 0.6", "confidence factor", "2.5 m/s2"):
         assert text in page.partition("Assumptions")[2]

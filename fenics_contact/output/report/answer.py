@@ -43,8 +43,9 @@ LETTERS, MORE = 75, 10
 SIDES = {"left": "right", "right": "left"}
 #: What is not in the model, where a client asks what decides.
 UNCRACKED = "Blocks do not crack: that is not in the model."
-#: Groups of one kind that page 1 has room for; the tables of the structure have all.
-SHOWN = 4
+#: Groups of one kind that page 1 has room for, and names of those that are alike; the tables of
+#: the structure have all.
+SHOWN, NAMES = 4, 8
 #: Lines that say whether a demand is met.
 VERDICTS = "seismic check", "non-linear check"
 #: Values that are not shown where they are not used: these keys with these values.
@@ -164,9 +165,9 @@ def assumptions(content: Content) -> Iterator[tuple[str, str]]:
         for name, one in (scene.get(f"{noun}s") or {}).items():
             alike.setdefault(told(one), []).append(name)
         for words, names in list(alike.items())[:SHOWN]:
-            more = f" and {len(names) - SHOWN} more" * (len(names) > SHOWN)
+            more = f" and {len(names) - NAMES} more" * (len(names) > NAMES)
             several = "s" * (len(names) > 1 or noun == "joint")
-            yield f"{noun}{several} {', '.join(names[:SHOWN])}{more}", words
+            yield f"{noun}{several} {', '.join(names[:NAMES])}{more}", words
     if names := scene.get("supports"):
         yield "supports", ", ".join(names)
     given = {key: (scene.get("seismic") or {}).get(key) for key in ("confidence_factor", "demand")}

@@ -145,7 +145,8 @@ def table(rows: Iterable[Sequence[object]], head: Sequence[str] = (), title: str
     if not lines:
         return ""
     above = "".join(f'<th scope="col">{text(cell)}</th>' for cell in head)
-    whole = f"<table>{f'<tr>{above}</tr>' if head else ''}{''.join(lines)}</table>"
+    above = f"<thead><tr>{above}</tr></thead>" if head else ""
+    whole = f"<table>{above}<tbody>{''.join(lines)}</tbody></table>"
     return heading(title, 3) + whole if title else whole
 
 

@@ -21,6 +21,7 @@ from fenics_contact.output.report.answer import (
     given_rows,
     gravity_of,
     how_it_fails,
+    picture_height,
     sentence,
     way_of,
 )
@@ -327,13 +328,22 @@ def sensitivity(content: Content) -> Iterator[str]:
 
 
 def _of_mechanisms(title: str, content: Content, folder: Path) -> Iterator[str]:
-    """The table of mechanisms, the worst first, assumptions, and pictures."""
+    """Page 1 with the worst mechanism and assumptions, the table, and pictures of the others."""
     columns = {"load_factor": "load factor, g", "a0": "a0*, m/s2", "over_demand": "a0* / demand"}
     record = content.record
     rows = record["rows"]
     given = [key for key in columns if any(row[key] is not None for row in rows)]
-    yield heading(title, 1)
+    yield f'<section class="first">{heading(title, 1)}'
     yield paragraph(content.made, kind="labels")
+    rests = [row for row in assumptions(content) if not row[0].startswith("live load")]
+    for worst in rows[:1]:
+        yield paragraph(f"The worst of {len(rows)}: {worst['line']}.", kind="status limit")
+        yield paragraph(sentence(worst["moves"]))
+        height = picture_height(rests, [worst["moves"]])
+        yield f'<div class="above" style="--picture: {height:.1f}cm">'
+        yield f"{_picture_of(worst, folder)}</div>"
+    yield f"{heading('Assumptions')}{table(rests)}</section>"
+    yield f'<section class="long break">{heading("All mechanisms")}'
     yield paragraph(
         "Each is a limit load by itself, verified: what is named is pushed with what moves with it,"
         " the worst first.",
@@ -342,17 +352,20 @@ def _of_mechanisms(title: str, content: Content, folder: Path) -> Iterator[str]:
     cells = [
         [f"{number} {row['part']} {row['way']}" + f"; also {row['also']}" * bool(row["also"])]
         + ["-" if row[key] is None else f"{row[key]:.4g}" for key in given]
-        + [row["moves"], row["ties"]]
+        + [row["moves"], row["ties_in_report"]]
         for number, row in enumerate(rows, 1)
     ]
     yield table(cells, ["", *(columns[key] for key in given), "what moves", "ties"])
-    yield heading("Assumptions")
-    yield table(row for row in assumptions(content) if not row[0].startswith("live load"))
     yield paragraph(*map(sentence, record["remarks"]))
     yield from (*warnings(content), *notes(content))
-    for number, row in enumerate(rows, 1):
-        if address := address_of(folder / row.get("picture", "")):
-            yield picture(address, f"{number} {row['part']} {row['way']}: {row['moves']}.")
+    yield from (_picture_of(row, folder, f"{number} ") for number, row in enumerate(rows[1:], 2))
+    yield "</section>"
+
+
+def _picture_of(row: Record, folder: Path, number: str = "") -> str:
+    """The picture of a row of the table of mechanisms; nothing without."""
+    address = address_of(folder / row.get("picture", ""))
+    return picture(address, f"{number}{row['part']} {row['way']}: {row['moves']}.") * bool(address)
 
 
 def _of_sweep(sweep: SweepRecord, most: int) -> Iterator[str]:
