@@ -221,7 +221,7 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
     if end.status == "unbounded":
         first, _, blocks = reason.partition(": ")
         return f"{first}{way}: {blocks}"
-    at = f"at {words.at(end.given)}" if end.given else DEAD
+    at = words.under(end.given or 0.0)
     if end.given is not None and end.status != "no_equilibrium":
         return state_in_words(end.status, at, reason, proved=True)
     clauses = [part for part in reason.split("; ") if part != NOT_KNOWN and not TRIED.search(part)]

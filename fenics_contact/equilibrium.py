@@ -37,7 +37,7 @@ from fenics_contact.results.values import (
     soil_lines,
     tension_lines,
 )
-from fenics_contact.results.wording import DEAD, state_in_words, wording_of
+from fenics_contact.results.wording import state_in_words, wording_of
 from fenics_contact.scene.scene import Scene
 
 #: What is said of a state that the forces of faces give.
@@ -81,7 +81,7 @@ class Equilibrium(ServiceState, Pictured):
             verbose: With verification, joints that open or slide, work and time.
         """
         words = wording_of(self.layout.scene, self.layout.bodies.live[:, :2].sum(axis=0))
-        at = f"at {words.at(self.load_factor)}" if self.load_factor else DEAD
+        at = words.under(self.load_factor)
         lines = [state_in_words(self.status, at, self.reason, self.proved)]
         if self.joint_values is not None:
             held = tension_lines(self.ties, words.units)

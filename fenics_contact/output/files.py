@@ -34,7 +34,7 @@ from fenics_contact.output.plotting import save_capacity
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.viewer import write_viewer
-from fenics_contact.output.view import FALLS, View, view_of, view_of_collapse, view_of_fall
+from fenics_contact.output.view import View, caption_of, view_of, view_of_collapse, view_of_fall
 from fenics_contact.output.vtu import write_joints
 from fenics_contact.parallel import MPI
 from fenics_contact.results.certificate import tolerances
@@ -227,7 +227,8 @@ def _views(result: Result) -> dict[str, View]:
         told: dict[str, Any] = {"caption": title_of(end), "suffix": result.suffix(direction)}
         if end.status == "unbounded":
             told["marked"] = tuple(result.wedged(end).tolist())
-            views[direction] = view_of(layout, sign=end.sign).told(**told)
+            wedged = replace(view_of(layout, sign=end.sign), caption=caption_of(end))
+            views[direction] = wedged.told(**told)
         elif end.state is not None and end.mode is not None and end.joints is not None:
             stress = stress_raster(layout, layout.with_imposed(end.state).elastic)
             views[direction] = replace(view_of_collapse(layout, end).told(**told), stress=stress)
@@ -293,8 +294,9 @@ def title_of(end: Collapse) -> str:
     """Status and load factor of a collapse and its bracket, rounded alike."""
     reversal = ", live load reversed" * (end.sign < 0.0)
     factor = end.load_factor
-    if end.status == "unstable":
-        return FALLS
+    if end.given is not None:
+        stands = {"equilibrium": "stands", "unstable": "does not stand"}
+        return f"{stands.get(end.status, end.status.replace('_', ' '))} {end.under}"
     if end.status == "unbounded":
         return f"unbounded, these blocks wedge{reversal}"
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
@@ -402,6 +404,8 @@ def record_of(
     """
     words = replace(result.wording, units=result.scene.units.of_report)
     told, remarks = answer(result, words)
+    given = [end.given for end in result.ends.values() if end.given is not None]
+    question = f"Does it stand {words.under(given[0])}?" if given else words.question
     kinds = Answer.kinds.values()
     timed = [kind for kind in kinds if kind.seconds]
     ends = {name: _end_record(result, end) | details[name] for name, end in result.ends.items()}
@@ -409,7 +413,7 @@ def record_of(
     record: Record = {
         "status": result.status,
         "title": result.scene.title,
-        "answer": {"question": words.question, "found": told, "more": remarks},
+        "answer": {"question": question, "found": told, "more": remarks},
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
         **{key: first.get(key, nothing) for key, nothing in FIRST.items()},

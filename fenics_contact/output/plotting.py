@@ -89,28 +89,27 @@ def draw_mode(axes: Any, view: View) -> Any:
     """
     if view.marked is not None:
         return draw_marked(axes, view)
-    draw_moved(axes, view)
+    draw_moved(axes, view, view.caption.motion.format(f"{float(f'{view.scale:.3g}'):g}"))
     entries = [*draw_joints(axes, view), *draw_ties(axes, view, 1.0)]
     entries += draw_load(axes, view, view.live, BLACK, "live load")
     draw_bar(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
-    motion = view.caption.motion.format(f"{float(f'{view.scale:.3g}'):g}")
-    axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
     return axes
 
 
 def draw_marked(axes: Any, view: View) -> Any:
     """The marked blocks, shaded and with their numbers, among all, displaced as the view says."""
-    draw_moved(axes, view)
+    draw_moved(axes, view, f"shaded: {view.caption.motion}, by number")
     style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
     for block in [] if view.marked is None else view.marked[:LEGIBLE].tolist():
         axes.text(*view.moved[view.block == block].mean(axis=0), str(block), **style)
-    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
     return axes
 
 
-def draw_moved(axes: Any, view: View) -> None:
+def draw_moved(axes: Any, view: View, title: str) -> None:
     """Blocks displaced, and at rest."""
+    rest = " (grey outline: at rest)" * bool(np.any(view.motion))
+    axes.set_title(f"{title}{rest}", fontsize=10)
     frame(axes, view, view.moved)
     size = np.zeros(len(view.fixed))
     if view.marked is None:

@@ -43,6 +43,7 @@ from fenics_contact.results.block_view import (
 )
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import JointValues, falling_blocks, tie_arrays
+from fenics_contact.results.wording import DEAD
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
@@ -79,8 +80,6 @@ class Loads(NamedTuple):
     body: Arrows
 
 
-#: Title of blocks that fall.
-FALLS = "does not stand under its dead load"
 #: State of a joint facet that is open at rest, and opens no further.
 AT_REST = -1
 NONE = np.empty(0, dtype=np.int64)
@@ -155,6 +154,7 @@ class Caption(NamedTuple):
     stress: str = ""
 
 
+FALL, WEDGE = Caption("these blocks fall", ""), Caption("these blocks wedge", "")
 COLLAPSE = Caption("collapse mode", "at collapse")
 UNVERIFIED = Caption("motion, not verified", "of a state that is not verified")
 BY_FACES = Caption("collapse mode", "of the certified state", "under the certified joint forces")
@@ -374,14 +374,24 @@ def view_of(
 def view_of_collapse(layout: Layout, end: Collapse) -> View:
     """What pictures show of a collapse. Collective."""
     view = view_of(layout, end.mode, end.joints, end.sign)
+    return replace(view, caption=caption_of(end))
+
+
+def caption_of(end: Collapse) -> Caption:
+    """What titles of pictures say of a collapse, or of a state."""
+    if end.given is not None:
+        return FALL if end.falling else Caption("blocks at rest", end.under)
+    if end.status == "unbounded":
+        return WEDGE
     verified = BY_FACES if end.engine == "faces" else COLLAPSE
-    return replace(view, caption=verified if end.status == "limit" else UNVERIFIED)
+    return verified if end.status == "limit" else UNVERIFIED
 
 
 def view_of_fall(layout: Layout, fall: Array) -> View:
     """What pictures show of the rigid motions (a, b, c) by which blocks fall. Collective."""
     blocks = tuple(falling_blocks(layout, fall).tolist())
-    return view_of(layout, layout.rigid_motion(fall)).told(marked=blocks, caption=FALLS)
+    view = replace(view_of(layout, layout.rigid_motion(fall)), caption=FALL)
+    return view.told(marked=blocks, caption=f"does not stand {DEAD}")
 
 
 def _lines(joints: Joints, values: JointValues | None, motion: Array) -> Lines:

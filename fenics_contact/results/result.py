@@ -54,7 +54,7 @@ from fenics_contact.results.values import (
     tension_lines,
     tie_arrays,
 )
-from fenics_contact.results.wording import Line, Wording, meant, wording_of
+from fenics_contact.results.wording import DEAD, Line, Wording, meant, wording_of
 from fenics_contact.scene.scene import CRUSHING, OutputOptions, Scene, Shared
 from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -288,6 +288,8 @@ class Collapse:
     def table(self) -> Table:
         """Load factor, bracket, and the gap or what is proved. Collective."""
         factor = self.load_factor
+        if self.given is not None:
+            return Table([("load factor that was asked for", alike(self.given, self.given))])
         if self.status == "unbounded":
             return Table([("load factor", "no limit")])
         is_limit = self.status == "limit"
@@ -331,10 +333,17 @@ class Collapse:
     @property
     def proof(self) -> str:
         """What is proved of a load factor by the forces of joint faces, in words; else empty."""
+        if self.status == "equilibrium":
+            return f"stands: forces in equilibrium and within friction {self.under}"
         if self.gap is None or self.certificate is None or math.isnan(self.load_factor):
             return ""
         limit = self.certificate.kinematic_factor
         return proof(self.load_factor, limit, self.inside, self.searched)
+
+    @property
+    def under(self) -> str:
+        """Under which loads a given state is."""
+        return f"under {self.given:.6g} times the live load" if self.given else DEAD
 
     @property
     def splitting(self) -> SplittingHistory | None:

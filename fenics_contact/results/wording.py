@@ -149,6 +149,10 @@ class Wording:
             return f"{number} g {self.way(name)}"
         return f"{number} times the {self.noun}{' reversed' * (factor < 0.0)}"
 
+    def under(self, factor: float) -> str:
+        """Under which loads a state is, with so much of the live load."""
+        return f"at {self.at(factor)}" if factor else DEAD
+
     def beside(self, factor: float, leading: float, sign: float, outward: int = 0) -> str:
         """A number beside that of a collapse: three digits, or four where they are close.
 

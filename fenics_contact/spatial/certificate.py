@@ -111,7 +111,7 @@ def residuals_of(structure: Structure, collapse: Collapse) -> dict[str, float]:
 
 
 def certified(structure: Structure, state: Collapse, size: float, asked: float) -> Collapse:
-    """A state with its certificate, and at least the gap that its mode proves.
+    """A state with its certificate, of a collapse with at least the gap that its mode proves.
 
     Args:
         structure: Blocks, contacts and laws.
@@ -121,6 +121,8 @@ def certified(structure: Structure, state: Collapse, size: float, asked: float) 
     """
     certificate = Certificate({}, np.nan, size=size, tolerance=asked, allowed=ALLOWED)
     residuals = residuals_of(structure, replace(state, certificate=certificate))
+    if state.mode is None:  # which says nothing of a limit
+        return replace(state, certificate=replace(certificate, residuals=residuals))
     gap = max(state.gap or 0.0, residuals.get("limit", 0.0))
     limit = state.load_factor + state.sign * gap * size
     certificate = replace(certificate, residuals=residuals, kinematic_factor=limit)

@@ -32,7 +32,7 @@ from fenics_contact.output.plotting import (
     save_figure,
     shades,
 )
-from fenics_contact.output.view import planar
+from fenics_contact.output.view import caption_of, planar
 from fenics_contact.results.block_view import LIVE, BlockView, ContactState
 from fenics_contact.results.values import TieState
 from fenics_contact.scene.scene import ALL, OutputOptions
@@ -94,7 +94,8 @@ def draw_collapse(result: SpatialLimit, folder: Path, output: OutputOptions) -> 
                 save_view(view, picture_paths(folder / f"collapse{view.suffix}", output.formats))
             continue
         end = result.ends[name]
-        flat = planar(view, known=end.force is not None, thickness=result.scene.thickness)
+        more = {"thickness": result.scene.thickness, "caption": caption_of(end)}
+        flat = planar(view, known=end.force is not None, **more)
         figures += figures_of(flat)
     if output.pictures != ALL and not output.report:
         figures = [one for one in figures if one.kind in ("collapse", "marked")]

@@ -27,17 +27,18 @@ def view_of(structure: Structure, collapse: Collapse) -> BlockView:
     """What is seen of an answer to one direction."""
     mode = np.zeros((len(structure.blocks), 6)) if collapse.mode is None else collapse.mode
     bars = structure.bars
+    sign = collapse.sign if collapse.given is None else np.sign(collapse.given)
     view = BlockView(
         bodies=_bodies(structure),
         touching=_contacts(structure, collapse.force),
-        live=collapse.sign * structure.live,
+        live=sign * structure.live,
         motion=mode,
         tie_ends=np.array([bar.ends for bar in bars]).reshape(-1, 2, 3),
         tie_blocks=np.array([bar.blocks for bar in bars], dtype=np.int64).reshape(-1, 2),
         ties=ties_of(structure, collapse),
         marked=collapse.falling * (collapse.mode is None),  # a collapse shows what moves
         caption=title_of(collapse),
-        loads=_pushes(structure, collapse.sign),
+        loads=_pushes(structure, sign),
     )
     return view.scaled()
 
@@ -49,7 +50,7 @@ def _pushes(structure: Structure, sign: float) -> dict[str, Pushes]:
     least = 1e-6 * np.linalg.norm(force, axis=1).sum()
     for key, one in structure.acting.items():
         start, _, end = key.partition(".")
-        if end in ("dead.body", "live.body"):
+        if end in ("dead.body", "live.body") or (not sign and end.startswith("live")):
             continue
         pushes = Pushes(one.block, one.place, one.force)
         name = f"{end[:4]} forces" if start == "loads" else start

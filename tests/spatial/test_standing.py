@@ -338,3 +338,32 @@ def test_state_without_the_movement_of_the_ground_is_told(monkeypatch):
     monkeypatch.setattr(source, "state_under", blind)
     told = standing(scene(blocks, **tables)).summary()
     assert "it stands under its dead load (verified; not with the ground moved" in told
+
+
+@pytest.mark.parametrize(
+    ("factor", "question", "title"),
+    [
+        ("0", "Does it stand under its dead load?", "stands under its dead load"),
+        (
+            "0.3",
+            "Does it stand at 0.3 times the live load?",
+            "stands under 0.3 times the live load",
+        ),
+        (
+            "3",
+            "Does it stand at 3 times the live load?",
+            "does not stand under 3 times the live load",
+        ),
+    ],
+)
+def test_files_tell_a_state_and_no_collapse(factor, question, title, tmp_path):
+    path = tmp_path / "thrust.toml"
+    path.write_text(FILE.format(roof=0.0, end=1.0).replace("pictures = false", ""))
+    main(["stands", str(path), "--load-factor", factor])
+    written = (tmp_path / "thrust_state" / "result.json").read_text()
+    record = json.loads(written)
+    assert record["answer"]["question"] == question
+    for end in record["directions"].values():
+        assert end["proof"].startswith("stands: forces in equilibrium and within friction")
+    assert not re.search("collapses at|no collapse state|not verified|limit load", written)
+    assert f'"caption":"{title}"' in (tmp_path / "thrust_state" / "viewer.html").read_text()

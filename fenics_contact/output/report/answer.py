@@ -87,7 +87,7 @@ def first_page(content: Content) -> Iterator[str]:
         negative = direction == "negative" and len(ends) == 2
         caption = PICTURES["collapse_negative" if negative else "collapse"]
         if status == "unstable":
-            caption = "Blocks that move under the dead load."
+            caption = "Blocks that fall."
         elif ends[direction]["status"] == "unbounded":
             caption = "Blocks that wedge."
         yield picture(address, caption)

@@ -16,7 +16,7 @@ from fenics_contact.scene.units import Units
 STATUS: Mapping[str, str] = {
     "limit": "verified, see the appendix.",
     "unbounded": "nothing limits it.",
-    "unstable": "the dead load alone has no equilibrium. The motion of its blocks proves this.",
+    "unstable": "there is no equilibrium. The motion of its blocks proves this.",
     "no_equilibrium": "no equilibrium was found, which is no proof that there is none.",
     "not_converged": "not converged, no verified state was found. Its numbers below are not a limit"
     " load.",
