@@ -179,6 +179,9 @@ TRIED = re.compile(" search |no state|the path |allowed")
 def summary(result: ByDirection, verbose: bool = False) -> str:
     """What was found, in some five lines; with all that is known of it, if that is wished."""
     found, more = answer(result, result.wording)
+    if verbose:
+        for name, told in result.mechanisms().items():
+            found.append(f"{f'mechanism {result.wording.way(name)}'.rstrip()}: {told}")
     lines = [*found, *more]
     if verbose:
         lines += ["", *_details(result, result.wording)]
@@ -220,7 +223,7 @@ def _without_limit(end: Collapse, reason: str, words: Wording, direction: str) -
     way = f" {words.way(direction)}".rstrip()
     if end.status == "unbounded":
         first, _, blocks = reason.partition(": ")
-        return f"{first}{way}: {blocks}"
+        return f"{first}{way}: {blocks}; if it really acts so, give a compressive_strength"
     at = words.under(end.given or 0.0)
     if end.given is not None and end.status != "no_equilibrium":
         return state_in_words(end.status, at, reason, proved=True)

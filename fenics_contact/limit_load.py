@@ -50,6 +50,7 @@ from fenics_contact.results.result import (
     skipped,
     skipped_iterations,
 )
+from fenics_contact.results.words import mechanism_in_words
 from fenics_contact.scene.scene import Scene
 from fenics_contact.search_options import SEARCH
 from fenics_contact.workers import (
@@ -94,6 +95,11 @@ class LimitLoad(Result, Pictured):
             verbose: With verification, what is not known and why, work and time.
         """
         return summary(self.with_brackets(), verbose)
+
+    def mechanisms(self) -> dict[str, str]:
+        """What moves in the collapse of each direction, in a sentence. Collective."""
+        views = {name: view_of_collapse(self.layout, end) for name, end in self.limits.items()}
+        return {name: mechanism_in_words(view.blocks) for name, view in views.items()}
 
     @checked
     def with_capacity(

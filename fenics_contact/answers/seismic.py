@@ -13,7 +13,7 @@ displacement in the mode of the centre of these forces, along them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -29,6 +29,8 @@ from fenics_contact.scene.scene import Seismic, Shared
 
 #: Title of its table.
 TITLE = "Seismic check of this mechanism (Circolare 7/2019, C8.7.1.2.1)"
+#: Why there is no check by displacements without a way that was followed twice.
+NOT_FOLLOWED = "the way was stopped; give more solve.time, or solve.beyond = a displacement"
 #: Blocks whose joint opens or slides by less than this part of the largest speed move as one.
 AS_ONE = 1e-3
 
@@ -48,6 +50,7 @@ class SeismicCheck:
         acceleration_g: a_0* / g.
         demand: Spectral acceleration asked for, m/s2; None: not given.
         nonlinear: Check by displacements, a `motion.check.NonlinearCheck`; None: none was made.
+        missing: Why none was made, where the scene asks for it; else empty.
     """
 
     multiplier: float
@@ -60,6 +63,7 @@ class SeismicCheck:
     acceleration_g: float
     demand: float | None = None
     nonlinear: Any = field(default=None, repr=False)
+    missing: str = field(default="", repr=False)
 
     @property
     def value_and_verdict(self) -> str:
@@ -126,12 +130,15 @@ class SeismicAnswer(Asked):
         scene, end = question.scene, question.end
         gravity, push = (math.hypot(*one.acceleration) for one in (scene.dead, scene.live))
         check = seismic_check(question.view, scene.seismic, end.load_factor, gravity, push)
+        if check is not None and scene.seismic.nonlinear:  # until it is made
+            check = replace(check, missing=NOT_FOLLOWED)
         return None if check is None else cls(check), end
 
     def record(self) -> dict[str, Any]:
         """The fields of the check, and the non-linear one where it was made."""
         further = self.value.nonlinear
-        return super().record() | ({"nonlinear": further.record()} if further else {})
+        missing = {"nonlinear": None, "reason": self.value.missing} if self.value.missing else {}
+        return super().record() | ({"nonlinear": further.record()} if further else missing)
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
         """The acceleration, and what it comes of."""
@@ -143,11 +150,13 @@ class SeismicAnswer(Asked):
             f" {mass(check.moving_mass)} that move in {check.parts} rigid"
             f" part{'s' * (check.parts != 1)}"
         )
+        missing = f"not made: {check.missing}" * bool(check.missing)
+        further = check.nonlinear.text if check.nonlinear else missing
         starts = "seismic check: it starts at a spectral acceleration a0* of"
         return [
             Line(starts, check.value_and_verdict),
             Line("a0* comes of", comes_of, verbose=True),
-            *([Line("non-linear check:", check.nonlinear.text)] if check.nonlinear else []),
+            *[Line("non-linear check:", further)] * bool(further),
         ]
 
     def table(self, end: Collapse, words: Wording) -> Table:

@@ -251,7 +251,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = of_scene("solve", "compute the limit load of a scene", "SCENE without ending")
     add("--fast", action="store_true", help="the load factor and its bracket alone, verified")
-    text = "draw all pictures now: also scene, forces, thrust and stress, which `report` draws"
+    text = "draw all pictures now, in the plane forces and thrust, of a mesh scene and stress, too"
     add("--pictures", action="store_true", help=text)
     add("--jobs", type=int, default=1, metavar="N", help="processes that share its tasks (1)")
 

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from fenics_contact.answers.question import Asked
-from fenics_contact.answers.seismic import SeismicAnswer, SeismicCheck
+from fenics_contact.answers.seismic import NOT_FOLLOWED, SeismicAnswer, SeismicCheck
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.motion.beyond import Beyond, beyond
 from fenics_contact.motion.check import NonlinearCheck, Spectrum, nonlinear_check
@@ -57,13 +57,17 @@ class BeyondAnswer(Asked):
         until = math.inf if isinstance(asked, bool) else float(asked)
         stop = {"control": scene.output.control, "check_stop": question.check_stop}
         way = beyond(structure, end, until=until, **stop)
+        start = end.answers.get(SeismicAnswer.name)
+        if start is not None and start.value.missing:
+            missing = without_check(way)
+            further = None
+            if way is not None and not missing:
+                further = check_along(scene, structure, end, way, start.value)
+            check = replace(start.value, nonlinear=further, missing=missing)
+            end = end.with_answer(SeismicAnswer(check))
         if way is None:
             _log.warning("warning: solve.beyond: %s", NO_BEGIN)
             return None, end
-        start = end.answers.get(SeismicAnswer.name)
-        if start is not None and len(way.trusted) > 1:
-            further = check_along(scene, structure, end, way, start.value)
-            end = end.with_answer(SeismicAnswer(replace(start.value, nonlinear=further)))
         return cls(way), end
 
     def lines(self, end: Collapse, words: Wording) -> list[Line]:
@@ -98,6 +102,20 @@ class BeyondAnswer(Asked):
             draw_beyond(self.value, view, folder, output.formats)
 
 
+def without_check(way: Beyond | None) -> str:
+    """Why no non-linear check is made along a way, in words; empty where it is."""
+    if way is None:
+        return "no state was found to begin from"
+    if way.driven:
+        return "the ground moves on"
+    if not way.is_twice:
+        return NOT_FOLLOWED
+    if len(way.trusted) < 2:
+        return "two ways part at once"
+    least = min(point.load_factor for point in way.trusted[:-1])
+    return "nothing is left before the end of the way" * (least <= 0.0)
+
+
 def check_along(
     scene: BlockScene, structure: Structure, found: Collapse, way: Beyond, start: SeismicCheck
 ) -> NonlinearCheck | None:
@@ -107,9 +125,7 @@ def check_along(
     displacement is the live load's work over its force.
     """
     options = scene.seismic
-    if options is None or not options.nonlinear or options.spectrum is None or way.driven:
-        return None
-    if min(point.load_factor for point in way.trusted[:-1]) <= 0.0:
+    if options is None or options.spectrum is None:
         return None
     gravity, push = (float(np.linalg.norm(load.acceleration)) for load in (scene.dead, scene.live))
     here, factor = np.array([(one.displacement, one.load_factor) for one in way.trusted]).T

@@ -619,6 +619,10 @@ class ByDirection(ABC):
             return end.reason
         return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
 
+    def mechanisms(self) -> dict[str, str]:
+        """What moves in the collapse of each direction, in a sentence. Collective."""
+        return {}
+
     @abstractmethod
     def ties_of(self, end: Collapse) -> Mapping[str, Any]:
         """What ties carry at one end, by name as of `tie_arrays`; empty without ties or forces."""

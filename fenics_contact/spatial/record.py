@@ -18,7 +18,7 @@ from fenics_contact.output.report.viewer import write_viewer
 from fenics_contact.parallel import MPI
 from fenics_contact.results.block_view import BlockView
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.words import mechanism_record
+from fenics_contact.results.words import mechanism_in_words, mechanism_record
 from fenics_contact.scene.units import PER_METRE
 from fenics_contact.spatial.picture import draw_collapse
 from fenics_contact.spatial.result import SpatialLimit
@@ -29,6 +29,11 @@ from fenics_contact.spatial.vtu import write_fields
 
 class BlockLimitLoad(SpatialLimit):
     """Result of `limit_load`, with its files."""
+
+    def mechanisms(self) -> dict[str, str]:
+        """What moves in the collapse of each direction, in a sentence."""
+        views = views_of(self)
+        return {name: mechanism_in_words(views[name]) for name in self.limits}
 
     @checked
     def write(

@@ -9,6 +9,7 @@ import re
 import pytest
 
 from fenics_contact import InputError
+from fenics_contact.console import Progress
 from fenics_contact.spatial import limit_load
 from tests.motion.structures import arch, box, in_plane
 from tests.system.program import run_here, toml
@@ -87,6 +88,25 @@ def test_table_is_written_in_a_hurry(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"beyond.csv", "result.json"}
     last = (tmp_path / "beyond.csv").read_text().splitlines()[-1]
     assert float(last.split(",")[0]) >= 0.05
+
+
+def test_way_that_is_stopped_says_why_no_check_is_made(tmp_path):
+    begun, asked = [], []
+    told = Progress(1e-6)
+    told.phase = begun.append
+
+    def stop():
+        asked.extend(["way"] * ("after the peak" in begun))
+        return "asked to end" if len(asked) > 20 else ""
+
+    seismic = {key.partition(".")[2]: WALL[key] for key in WALL if key.startswith("seismic")}
+    scene = in_plane([box(0, 0, 0.5, 5.0)], solve={"beyond": True}, seismic=seismic)
+    result = limit_load(scene, told, stop=stop)
+    why = "the way was stopped; give more solve.time, or solve.beyond = a displacement"
+    assert f"non-linear check: not made: {why}" in result.summary()
+    result.write(tmp_path, hurry=lambda: True)
+    check = json.loads((tmp_path / "result.json").read_text())["directions"]["positive"]["seismic"]
+    assert (check["nonlinear"], check["reason"]) == (None, why)
 
 
 @pytest.mark.parametrize(
