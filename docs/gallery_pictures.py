@@ -39,18 +39,20 @@ def first_page(name: str) -> Image.Image:
         return page.render(scale=2.0).to_pil().convert("RGB")
 
 
+def parts(dark: np.ndarray, gap: int) -> list[np.ndarray]:
+    """Runs of lines that have something dark, at least so far apart."""
+    lines = np.flatnonzero(dark)
+    return np.split(lines, np.flatnonzero(np.diff(lines) > gap) + 1)
+
+
 def oblique_view(picture: Image.Image) -> Image.Image:
     """The last view of a structure in space, of three or one, without titles and legend."""
     low = picture.height // 8  # below the titles
     dark = np.asarray(picture.convert("L"))[low:] < 250
-    columns = np.flatnonzero(dark[: 6 * low].any(axis=0))  # above the legend
-    between = np.flatnonzero(np.diff(columns) > 6)
-    left = columns[between[-1] + 1 if between.size else 0]
-    rows = np.flatnonzero(dark[:, left:].any(axis=1))
-    gaps = np.flatnonzero(np.diff(rows) > 4)
-    bands = np.split(rows, gaps + 1)
-    largest = max(bands, key=len)
-    return picture.crop((left, low + largest[0], columns[-1] + 1, low + largest[-1] + 1))
+    *_, rows = (run for run in parts(dark.any(axis=1), 4) if len(run) > low)
+    columns = parts(dark[rows].any(axis=0), 6)[-1]
+    rows = max(parts(dark[:, columns].any(axis=1), 4), key=len)
+    return picture.crop((columns[0], low + rows[0], columns[-1] + 1, low + rows[-1] + 1))
 
 
 shutil.rmtree(DOCS / "gallery", ignore_errors=True)

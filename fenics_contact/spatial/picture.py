@@ -52,6 +52,8 @@ VIEWS = {
 LIGHT = np.array([-0.35, 0.55, 0.76])
 #: What a side that the light does not reach keeps.
 AMBIENT = 0.62
+#: How much ground before what moves covers.
+GLASS = 0.4
 #: Two bodies overlap by less than this, over the structure's size.
 TOUCH = 2e-3
 #: Edges of contacts lie on a side within this, over the structure's size.
@@ -184,12 +186,12 @@ def draw_view(axes: Any, view: BlockView, turn: Array) -> None:
     hides = _hidden(view, place, turn)
     depth = np.add.reduceat(place[:, 2], bodies.first) / bodies.counts
     fixed = bodies.fixed[bodies.of_piece]
-    veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: its edges alone are drawn
+    veils = fixed & hides[~fixed].any(axis=0)  # ground before what moves: as of glass
     drawn: list[tuple[Any, ...]] = []  # polygons, colours of faces, of edges, widths
     for piece in drawing_order(hides, depth):
         seen = (bodies.side_piece == piece) & (normal[:, 2] > EDGEWISE) & ~far[piece]
         for side in np.flatnonzero(seen):
-            face = "none" if veils[piece] else tuple(lit[side])
+            face = (*lit[side], GLASS if veils[piece] else 1.0)
             drawn.append((place[bodies.sides[side], :2], face, "0.25", thin))
             drawn += [(line, "none", *style) for line, *style in marks[side]]
     polygons, faces, edges, widths = zip(*drawn, strict=True)
