@@ -179,12 +179,11 @@ TRIED = re.compile(" search |no state|the path |allowed")
 def summary(result: ByDirection, verbose: bool = False) -> str:
     """What was found, in some five lines; with all that is known of it, if that is wished."""
     found, more = answer(result, result.wording)
-    if verbose:
-        for name, told in result.mechanisms().items():
-            found.append(f"{f'mechanism {result.wording.way(name)}'.rstrip()}: {told}")
     lines = [*found, *more]
     if verbose:
         lines += ["", *_details(result, result.wording)]
+        for name, told in result.mechanisms().items():
+            lines.append(f"{f'mechanism {result.wording.way(name)}'.rstrip()}: {told}")
     return "\n".join(lines)
 
 

@@ -19,7 +19,7 @@ from fenics_contact.faces.kernel import FaceIterate
 from fenics_contact.faces.model import FaceModel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StrainedModel(FaceModel):
     """The units of a model between blocks that strain; sizes of forces are those of whole blocks.
 
@@ -28,8 +28,8 @@ class StrainedModel(FaceModel):
         mean: Rigid motions as means of those of nodes, sparse, shape (rigid motions, motions).
     """
 
-    rigid: FaceModel | None = None
-    mean: Any = None
+    rigid: FaceModel
+    mean: Any
 
     @classmethod
     def of(cls, rigid: FaceModel, mean: Any, **changes: Any) -> StrainedModel:
@@ -38,39 +38,34 @@ class StrainedModel(FaceModel):
         return cls(**(same | changes), rigid=rigid, mean=mean)
 
     @property
-    def _whole(self) -> FaceModel:
-        assert self.rigid is not None
-        return self.rigid
-
-    @property
     def has_many_blocks(self) -> bool:
         """Of whole blocks."""
-        return self._whole.has_many_blocks
+        return self.rigid.has_many_blocks
 
     @cached_property
     def force(self) -> float:
         """Of whole blocks."""
-        return self._whole.force
+        return self.rigid.force
 
     @cached_property
     def load(self) -> float:
         """Of whole blocks."""
-        return self._whole.load
+        return self.rigid.load
 
     @cached_property
     def sizes(self) -> Array:
         """Of whole blocks, for each of their motions."""
-        own = np.zeros(self._whole.blocks)
-        own[self._whole.block] = self._whole.sizes
+        own = np.zeros(self.rigid.blocks)
+        own[self.rigid.block] = self.rigid.sizes
         return np.asarray(own[self.block])
 
     def size(self, load_factor: float) -> float:
         """Of whole blocks."""
-        return self._whole.size(load_factor)
+        return self.rigid.size(load_factor)
 
     def as_rigid(self, state: FaceIterate) -> FaceIterate:
         """A state with the mean motions of blocks."""
-        missing = self._whole.missing(state.force, state.load_factor)
+        missing = self.rigid.missing(state.force, state.load_factor)
         most = max(1.0, abs(state.load_factor) * self.load / self.force)
-        least = float((np.abs(missing) / self._whole.sizes).max()) / most
+        least = float((np.abs(missing) / self.rigid.sizes).max()) / most
         return replace(state, motion=self.mean @ state.motion, missing=least)

@@ -47,7 +47,7 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
 }
 #: The mark-up of the page.
 TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
-TAGS |= set("figcaption section div iframe".split())
+TAGS |= set("figcaption section div iframe thead tbody".split())
 #: Its attributes.
 ATTRIBUTES = set("src srcdoc alt class scope lang charset name content title style".split())
 
