@@ -19,7 +19,7 @@ from fenics_contact.output.report.page import write_report
 DOCS = Path(__file__).resolve().parent
 WIDTH, COLOURS = 680, 112  # pixels; for small files
 
-SPACE, SPACE_COLOURS = 320, 24  # pixels of structures in space
+SPACE, SPACE_COLOURS = 304, 24  # pixels of structures in space
 
 PAGE, PAGE_COLOURS = 440, 16  # pixels of page 1
 
